@@ -40,7 +40,7 @@ static double order_of(int which, tc_volume *volume, tc_scene *scene, const floa
   return order;
 }
 
-static void observed_orders(void **state) {
+TEST(observed_orders) {
   /* Approximate is of the second order for the energy scale (integrals.h): the first is eq. 12's without it. Opacity
    * alone would be of the fourth order with preintegrated2; that a slope is held among the samples makes it the third.
    * What it gains at three halvings:
@@ -84,7 +84,7 @@ static double fading(double x, double y, double z, const void *unused) { return 
 /* Post-classification takes a segment for what its front is. Entered half a step further in, behind a clip plane, the
  * same samples are the middles of the segments of the whole ray: the second order, where the ends take the first. What
  * is then missing at the other end is clear. */
-static void post_at_midpoints(void **state) {
+TEST(post_at_midpoints) {
   const tc_knot knots[] = {{.value = 0, .color = {0, 0.3, 1}, .amount = 0},
                            {.value = 1, .color = {1, 0.6, 0}, .amount = 0.08}};
   const test_grid grid = {.dims = {2, 2, 2}, .type = TC_F32, .spacing = {40, 40, 40}};
@@ -114,7 +114,7 @@ static void post_at_midpoints(void **state) {
   tc_volume_unref(volume);
 }
 
-static void all_converge(void **state) {
+TEST(all_converge) {
   static const tc_voxel_type types[] = {TC_U8, TC_U16, TC_F32};
   for (size_t t = 0; t < G_N_ELEMENTS(types); t++) {
     const double slopes[TC_VOXEL_TYPE_COUNT] = {[TC_U8] = 1.0 / 255, [TC_U16] = 1.0 / 65535};
@@ -143,7 +143,7 @@ static void all_converge(void **state) {
 }
 
 /* Every size there may be, with segments across the whole range both ways: an entry read from a wrong place shows. */
-static void every_size_of_table(void **state) {
+TEST(every_size_of_table) {
   const test_grid grid = {.dims = {9, 9, 9}, .type = TC_U16, .slope = 1.0 / 65535};
   tc_volume *volume = test_volume(&grid, test_noise, &(unsigned){5});
   tc_scene scene;
@@ -232,7 +232,7 @@ static void random_scene(uint64_t seed) {
   tc_volume_unref(volume);
 }
 
-static void random_scenes(void **state) {
+TEST(random_scenes) {
   const char *count = getenv("TC_RANDOM_SCENES"), *only = getenv("TC_RANDOM_SEED");
   uint64_t n = count ? strtoull(count, NULL, 10) : 300;
   if (only) {
@@ -271,7 +271,7 @@ static void expect_close(const char *what, const float *a, const float *b, const
   if (!d.finite || !(d.max <= most)) fail_msg("%s, %s: %g", plan.kernel, what, d.max);
 }
 
-static void combinations(void **state) {
+TEST(combinations) {
   static const tc_knot core[] = {{.value = 0.55, .color = {0.1, 0.5, 1}},
                                  {.value = 0.6, .color = {1, 0.9, 0.2}, .amount = 0.3},
                                  {.value = 0.9, .color = {1, 0.2, 0.1}, .amount = 2}};
@@ -310,7 +310,7 @@ static void combinations(void **state) {
   tc_volume_unref(labels);
 }
 
-static void the_plan_says_so(void **state) {
+TEST(the_plan_says_so) {
   tc_volume *volume = tc_volume_demo("bucky", NULL);
   tc_scene scene;
   test_scene(&scene, 16, 16);
@@ -336,7 +336,7 @@ static void the_plan_says_so(void **state) {
 
 /* A long rise to an extinction of 1e5/mm is opaque within a hundred-thousandth of its way: rays that graze its foot are
  * clear or opaque, and no smaller step makes that worse. */
-static void the_foot_of_a_stiff_rise(void **state) {
+TEST(the_foot_of_a_stiff_rise) {
   const tc_knot knots[] = {{.value = 0, .color = {0.2, 0.4, 0.9}}, {.value = 0.4, .color = {0.2, 0.4, 0.9}},
                            {.value = 1, .color = {0.9, 0.6, 0.3}, .amount = 1e5}};
   tc_volume *volume = test_volume(&(test_grid){.dims = {24, 20, 22}, .type = TC_F32}, test_waves, &(double){14});
@@ -361,9 +361,4 @@ static void the_foot_of_a_stiff_rise(void **state) {
   tc_volume_unref(volume);
 }
 
-int main(void) {
-  const struct CMUnitTest tests[] = {TEST(observed_orders), TEST(post_at_midpoints), TEST(all_converge),
-    TEST(every_size_of_table), TEST(random_scenes), TEST(combinations), TEST(the_foot_of_a_stiff_rise),
-    TEST(the_plan_says_so)};
-  return cmocka_run_group_tests_name("classify", tests, test_renderers_open, test_renderers_close);
-}
+TESTS(test_renderers_open, test_renderers_close)

@@ -9,7 +9,7 @@
 enum { SIDE = 40, PIXELS = SIDE * SIDE };
 
 /* A homogeneous block cut at fractional places: opacity is 1 - exp(-tau * what is left), and nothing beside it. */
-static void a_cut_block_is_exact(void **state) {
+TEST(a_cut_block_is_exact) {
   const double value = 100, keep[2][3] = {{3.3, 2.71, 5.05}, {20.62, 17.9, 19.01}};
   test_grid g = {.dims = {33, 33, 33}, .type = TC_U8};
   tc_volume *v = test_volume(&g, test_constant, &value);
@@ -77,7 +77,7 @@ static void random_clip(tc_scene *s, const tc_volume *v, uint64_t *state) {
 
 /* Random boxes and planes over oblique, anisotropic volumes: the step goes to the reference, leaping changes
  * nothing. */
-static void random_cuts_agree_with_the_reference(void **state) {
+TEST(random_cuts_agree_with_the_reference) {
   uint64_t seed = 31;
   double worst_rms[RENDERERS] = {0};
   int shown = 0;
@@ -118,7 +118,7 @@ static void random_cuts_agree_with_the_reference(void **state) {
 }
 
 /* Everything cut away, a cut along the view, a cut beyond the volume. */
-static void corner_cases(void **state) {
+TEST(corner_cases) {
   const double value = 200;
   test_grid g = {.dims = {9, 9, 1}, .type = TC_I16};
   tc_volume *v = test_volume(&g, test_constant, &value);
@@ -160,8 +160,4 @@ static void corner_cases(void **state) {
   tc_volume_unref(v);
 }
 
-int main(void) {
-  const struct CMUnitTest tests[] = {TEST(a_cut_block_is_exact), TEST(random_cuts_agree_with_the_reference),
-    TEST(corner_cases)};
-  return cmocka_run_group_tests(tests, test_renderers_open, test_renderers_close);
-}
+TESTS(test_renderers_open, test_renderers_close)

@@ -218,7 +218,7 @@ static void judge_row(const struct row *row, int way, size_t judged[RENDERERS + 
 }
 
 /* Way by way, so that shader programs are compiled once. */
-static void every_way(void **state) {
+TEST(every_way) {
   memset(&test_judged, 0, sizeof test_judged);
   size_t judged[G_N_ELEMENTS(rows)][RENDERERS + 1] = {{0}};
   for (int way = 0; way < WAYS; way++)
@@ -237,7 +237,7 @@ static void every_way(void **state) {
 
 /* The same bends of random scenes: shaded, labelled, clipped, several rays a pixel, turned grids. TC_RANDOM_SCENES and
  * TC_RANDOM_SEED are those of test_stability, of which this draws one in twenty. */
-static void bent_random_scenes(void **state) {
+TEST(bent_random_scenes) {
   enum { SCENES = SPARSE > 2 ? 20 : 100, ONE_IN = 20, WITH_GL = 30 }; /* of GL the compiling takes the time */
   const char *count = getenv("TC_RANDOM_SCENES"), *only = getenv("TC_RANDOM_SEED");
   uint64_t n = count ? strtoull(count, NULL, 10) / ONE_IN : only ? 1 : SCENES,
@@ -266,7 +266,7 @@ static void bent_random_scenes(void **state) {
 
 /* Rays along y, cut by a plane at each of their samples: what is summed up to there is the sum up to the one before and
  * a segment more. */
-static void opacity_grows(void **state) {
+TEST(opacity_grows) {
   enum { SIDE = 8, CUTS = 8 };
   unsigned seed = 7;
   tc_volume *volume = test_volume(&(test_grid){.dims = {SIDE, SIDE, SIDE}, .type = TC_F32}, test_noise, &seed);
@@ -318,7 +318,7 @@ static double last_bits(double x, double y, double z, const void *unused) {
   return 40000 + steps * 0x1p-8; /* 40000 has bits of 2^-8 */
 }
 
-static void one_last_bit_apart(void **state) {
+TEST(one_last_bit_apart) {
   tc_volume *volume = test_volume(&(test_grid){.dims = {16, 8, 8}, .type = TC_F32}, last_bits, NULL);
   const tc_knot knots[] = {{.value = 0, .color = {0, 0.1, 1}, .amount = 0.02},
                            {.value = 65536, .color = {1, 0.6, 0}, .amount = 0.3}};
@@ -363,7 +363,7 @@ static void refused(const char *pointer, const tc_volume *volume, const tc_scene
   }
 }
 
-static void meaningless(void **state) {
+TEST(meaningless) {
   static const double bad[] = {NAN, INFINITY, -INFINITY};
   test_case c = plain_case(0, TC_U8);
   tc_volume *volume = test_case_volume(&c);
@@ -413,7 +413,7 @@ static void meaningless(void **state) {
 
 /* Numbers that are finite but whose squares, or distances, are not: either a sane picture or a refusal that names a
  * member. */
-static void far_away(void **state) {
+TEST(far_away) {
   static const double sizes[] = {1e7, 1e12, 1e30, 1e155, 1e300, 1e-300};
   test_case c = plain_case(0, TC_I16);
   tc_volume *volume = test_case_volume(&c);
@@ -444,8 +444,4 @@ static void far_away(void **state) {
   tc_volume_unref(volume);
 }
 
-int main(void) {
-  const struct CMUnitTest tests[] = {TEST(meaningless), TEST(far_away), TEST(opacity_grows), TEST(one_last_bit_apart),
-    TEST(bent_random_scenes), TEST(every_way)};
-  return cmocka_run_group_tests_name("extremes", tests, test_judge_open, test_judge_close);
-}
+TESTS(test_judge_open, test_judge_close)

@@ -75,7 +75,7 @@ static double cubic_at(const int dims[3], const float *c, const double at[3]) {
 }
 
 /* The reference's cubic is that formula wherever a ray is cut, and its extrema and means are the formula's. */
-static void reference_is_cubic(void **state) {
+TEST(reference_is_cubic) {
   tc_knot knots[24];
   for (int i = 0; i < 24; i++) knots[i] = (tc_knot){.value = i / 24.0, .color = {1, 1, 1}, .amount = i % 2};
   unsigned seed = 3;
@@ -139,7 +139,7 @@ static void reference_is_cubic(void **state) {
 }
 
 /* With ever smaller steps pictures become the reference's. */
-static void close_to_reference(void **state) {
+TEST(close_to_reference) {
   tc_volume *volume = waves(TC_F32);
   for (int k = 0; k < KINDS; k++)
     for (int m = 0; m < RAY_MODES; m++) {
@@ -169,7 +169,7 @@ static void close_to_reference(void **state) {
 
 /* ---- agreement ---- */
 
-static void everyone_agrees(void **state) {
+TEST(everyone_agrees) {
   double worst[RENDERERS] = {0};
   size_t ties = 0, compared = 0;
   for (int type = 0; type < TC_VOXEL_TYPE_COUNT; type++) {
@@ -227,7 +227,7 @@ static tc_volume *random_ball(uint64_t *state) {
   return test_volume(&g, ball, b);
 }
 
-static void skipping_changes_no_bit(void **state) {
+TEST(skipping_changes_no_bit) {
   uint64_t random = 7;
   int skipped[RENDERERS] = {0};
   for (int trial = 0; trial < 40 * KINDS; trial++) {
@@ -260,7 +260,7 @@ static void skipping_changes_no_bit(void **state) {
 /* ---- exactness ---- */
 
 /* Every filter of a constant is that constant: one picture for all of them. */
-static void constants_stay(void **state) {
+TEST(constants_stay) {
   static const int dims[][3] = {{9, 8, 7}, {1, 6, 5}, {2, 1, 3}, {1, 1, 1}, {3, 2, 1}};
   for (int shape = 0; shape < 5; shape++)
     for (int type = 0; type < TC_VOXEL_TYPE_COUNT; type++) {
@@ -290,7 +290,7 @@ static void constants_stay(void **state) {
 
 /* Pixels at voxel centres show the voxels themselves, also in the outermost layers; without prefiltering they do
  * not. */
-static void prefilter_passes_through_voxels(void **state) {
+TEST(prefilter_passes_through_voxels) {
   enum { N = 11 };
   unsigned seed = 8;
   for (int type = 0; type < TC_VOXEL_TYPE_COUNT; type++) {
@@ -325,7 +325,7 @@ static void prefilter_passes_through_voxels(void **state) {
 }
 
 /* Built once, shared by scenes, dropped with the volume; what does not fit the cache is refused with the mend. */
-static void coefficients_are_a_resource(void **state) {
+TEST(coefficients_are_a_resource) {
   tc_volume *volume = waves(TC_U8);
   tc_scene scene;
   tc_explanation plan;
@@ -360,9 +360,4 @@ static void coefficients_are_a_resource(void **state) {
   tc_volume_unref(volume);
 }
 
-int main(void) {
-  const struct CMUnitTest tests[] = {TEST(reference_is_cubic), TEST(prefilter_passes_through_voxels),
-    TEST(coefficients_are_a_resource), TEST(close_to_reference), TEST(everyone_agrees), TEST(skipping_changes_no_bit),
-    TEST(constants_stay)};
-  return cmocka_run_group_tests(tests, test_renderers_open, test_renderers_close);
-}
+TESTS(test_renderers_open, test_renderers_close)

@@ -42,7 +42,7 @@ static void look(tc_scene *scene, const tc_volume *volume, tc_mode mode) {
 }
 
 /* At the end of a short step, pictures are what the reference integrates of what is there. */
-static void what_is_left_is_the_truth(void **state) {
+TEST(what_is_left_is_the_truth) {
   static const tc_mode modes[] = {TC_MODE_DVR, TC_MODE_MIP, TC_MODE_MINIP, TC_MODE_AVERAGE, TC_MODE_ISOSURFACE};
   tc_volume *volume = make(ball);
   assert_non_null(tc_volume_gaps(volume));
@@ -92,7 +92,7 @@ static size_t shown_of(int which, tc_volume *volume, tc_mode mode) {
 }
 
 /* The surface ends with the last cell that has a value at all corners, and no other comes up along the gap. */
-static void surfaces_end_at_a_gap(void **state) {
+TEST(surfaces_end_at_a_gap) {
   tc_volume *gaps = make(slope), *whole = make(slope_alone);
   GError *error = NULL;
   EACH_RENDERER(i)
@@ -112,7 +112,7 @@ static void surfaces_end_at_a_gap(void **state) {
 }
 
 /* Voxels that are NaN are no splats: the picture is that of the volume that has voxels out of range there. */
-static void splats_leave_gaps_out(void **state) {
+TEST(splats_leave_gaps_out) {
   tc_volume *gaps = make(slope), *none = make(slope_and_nothing);
   EACH_RENDERER(i) {
     tc_scene scene;
@@ -130,7 +130,7 @@ static void splats_leave_gaps_out(void **state) {
 
 /* One pixel a voxel: shown where there is a value, and with it alone; between the last value and the first gap, up to
  * half way. */
-static void slices_and_slabs_end_half_way_to_a_gap(void **state) {
+TEST(slices_and_slabs_end_half_way_to_a_gap) {
   tc_volume *volume = make(half);
   for (int slab = 0; slab <= TC_SLAB_PROJECTION_COUNT; slab++)
     for (int across = 0; across < 2; across++) {
@@ -163,7 +163,7 @@ static void slices_and_slabs_end_half_way_to_a_gap(void **state) {
 }
 
 /* A label volume takes the gaps' place; without gaps nothing changes. */
-static void the_plan_says_it(void **state) {
+TEST(the_plan_says_it) {
   tc_volume *gaps = make(ball), *none = make(test_waves);
   tc_scene scene;
   tc_explanation plan;
@@ -177,8 +177,4 @@ static void the_plan_says_it(void **state) {
   tc_volume_unref(none);
 }
 
-int main(void) {
-  const struct CMUnitTest tests[] = {TEST(what_is_left_is_the_truth), TEST(surfaces_end_at_a_gap),
-    TEST(splats_leave_gaps_out), TEST(slices_and_slabs_end_half_way_to_a_gap), TEST(the_plan_says_it)};
-  return cmocka_run_group_tests(tests, test_renderers_open, test_renderers_close);
-}
+TESTS(test_renderers_open, test_renderers_close)

@@ -119,7 +119,7 @@ static const double oblique[3] = {0.4, -1, 0.3};
 
 /* ---- scenes ---- */
 
-static void test_voxel_types(void **state) {
+TEST(test_voxel_types) {
   needs(gl);
   const double wavelength = 23;
   const struct {
@@ -151,7 +151,7 @@ static void test_voxel_types(void **state) {
   }
 }
 
-static void test_noise_volume(void **state) {
+TEST(test_noise_volume) {
   needs(gl);
   const unsigned seed = 7;
   test_grid grid = {.dims = {64, 64, 64}, .type = TC_U16, .slope = 1.0 / 65535};
@@ -166,7 +166,7 @@ static void test_noise_volume(void **state) {
   tc_volume_unref(volume);
 }
 
-static void test_awkward_sizes(void **state) {
+TEST(test_awkward_sizes) {
   needs(gl);
   const int sizes[][3] = {{1, 1, 1},   {1, 17, 1},  {1, 1, 33},  {29, 1, 1},  {2, 2, 2}, {1, 20, 30},
                           {20, 1, 30}, {20, 30, 1}, {256, 1, 7}, {3, 257, 2}, {2, 1, 2}};
@@ -217,7 +217,7 @@ static void look_at_long_volume(const char *what, const test_grid *grid, double 
   tc_volume_unref(volume);
 }
 
-static void test_long_volumes(void **state) {
+TEST(test_long_volumes) {
   needs(gl);
   const struct {
     const char *what;
@@ -237,7 +237,7 @@ static void test_long_volumes(void **state) {
     }
 }
 
-static void test_geometry(void **state) {
+TEST(test_geometry) {
   needs(gl);
   const double wavelength = 15;
   const double c = cos(0.35), s = sin(0.35);
@@ -265,7 +265,7 @@ static void test_geometry(void **state) {
   }
 }
 
-static void test_cameras(void **state) {
+TEST(test_cameras) {
   needs(gl);
   const double wavelength = 19;
   test_grid grid = {.dims = {40, 40, 40}, .type = TC_U8, .slope = 1.0 / 255};
@@ -296,7 +296,7 @@ static void test_cameras(void **state) {
   tc_volume_unref(volume);
 }
 
-static void test_steps(void **state) {
+TEST(test_steps) {
   needs(gl);
   const double wavelength = 19, steps[] = {0.05, 0.37, 3, 1000};
   test_grid grid = {.dims = {30, 30, 30}, .type = TC_I16, .slope = 1.0 / 30000};
@@ -315,7 +315,7 @@ static void test_steps(void **state) {
   tc_volume_unref(volume);
 }
 
-static void test_extreme_extinction(void **state) {
+TEST(test_extreme_extinction) {
   needs(gl);
   const double wavelength = 19, scales[] = {1e-12, 1e-3, 1e3, 1e6, 1e12};
   test_grid grid = {.dims = {30, 30, 30}, .type = TC_U16, .slope = 1.0 / 65535};
@@ -339,7 +339,7 @@ static void test_extreme_extinction(void **state) {
 }
 
 /* A constant volume of one opaque colour comes out as exactly that colour, whatever the compositing space. */
-static void test_opaque_block(void **state) {
+TEST(test_opaque_block) {
   needs(gl);
   const double one = 1;
   const double colors[][3] = {{1, 0, 0}, {0.2, 0.6, 0.4}};
@@ -364,7 +364,7 @@ static void test_opaque_block(void **state) {
   tc_volume_unref(volume);
 }
 
-static void test_termination(void **state) {
+TEST(test_termination) {
   needs(gl);
   const double wavelength = 23, threshold = 0.01;
   test_grid grid = {.dims = {60, 60, 57}, .type = TC_U8, .slope = 1.0 / 255};
@@ -392,7 +392,7 @@ static void test_termination(void **state) {
   tc_volume_unref(volume);
 }
 
-static void test_resolve(void **state) {
+TEST(test_resolve) {
   needs(gl);
   const double wavelength = 23;
   test_grid grid = {.dims = {40, 40, 40}, .type = TC_U8, .slope = 1.0 / 255};
@@ -416,7 +416,7 @@ static void test_resolve(void **state) {
 }
 
 /* Leaping leaves samples out and changes no bit; and the picture is still the cpu's. */
-static void test_leaping(void **state) {
+TEST(test_leaping) {
   needs(gl);
   const double wavelength = 40;
   const tc_knot shell[] = {
@@ -460,7 +460,7 @@ static void test_leaping(void **state) {
 }
 
 /* Tiles: pictures of odd sizes, smaller and larger than a tile, with and without floats, are the same picture. */
-static void test_picture_sizes(void **state) {
+TEST(test_picture_sizes) {
   needs(gl);
   const double wavelength = 23;
   const int sizes[][2] = {{1, 1}, {1, 700}, {700, 1}, {7, 9}, {517, 333}, {256, 256}, {257, 255}};
@@ -487,9 +487,5 @@ static void test_picture_sizes(void **state) {
 
 int main(void) {
   setenv("MESA_SHADER_CACHE_DISABLE", "true", 1); /* its key misses some of Mesa's own settings */
-  const struct CMUnitTest tests[] = {TEST(test_voxel_types), TEST(test_noise_volume), TEST(test_awkward_sizes),
-    TEST(test_long_volumes), TEST(test_geometry), TEST(test_cameras), TEST(test_steps), TEST(test_extreme_extinction),
-    TEST(test_opaque_block), TEST(test_termination), TEST(test_resolve), TEST(test_leaping),
-    TEST(test_picture_sizes)};
-  return cmocka_run_group_tests(tests, set_up, tear_down);
+  return run_all_tests(set_up, tear_down);
 }

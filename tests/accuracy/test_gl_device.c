@@ -84,7 +84,7 @@ static int set_up(void **state) {
   return 0;
 }
 
-static void test_report(void **state) {
+TEST(test_report) {
   needs(have_gl);
   tc_gl_report report;
   bool hardware = true;
@@ -106,7 +106,7 @@ static void test_report(void **state) {
 }
 
 /* Renderers share a thread and a display; ending one, or probing, leaves the others working. */
-static void test_several_contexts(void **state) {
+TEST(test_several_contexts) {
   needs(have_gl);
   tc_volume *volume = waves(TC_U8, 24, 11);
   tc_renderer *a = new_gl(0), *b = new_gl(0);
@@ -143,7 +143,7 @@ static void *render_elsewhere(void *context) {
   return NULL;
 }
 
-static void test_other_thread(void **state) {
+TEST(test_other_thread) {
   needs(have_gl);
   tc_volume *volume = waves(TC_U8, 24, 11);
   tc_renderer *here = new_gl(0);
@@ -166,7 +166,7 @@ static void test_other_thread(void **state) {
 
 /* ---- programs ---- */
 
-static void test_program_cache(void **state) {
+TEST(test_program_cache) {
   needs(have_gl);
   tc_gl_context *context = tc_gl_context_new(&error);
   assert_made(context);
@@ -193,7 +193,7 @@ static void test_program_cache(void **state) {
 }
 
 /* Nothing is drawn for a key that has no pieces. */
-static void test_unbuilt_keys(void **state) {
+TEST(test_unbuilt_keys) {
   needs(have_gl);
   tc_gl_context *context = tc_gl_context_new(&error);
   assert_made(context);
@@ -295,7 +295,7 @@ static bool bench_render(bench *b, const tc_interrupt *interrupt) {
   return tc_gl_backend.render(b->instance, &job, &error);
 }
 
-static void test_nothing_is_rebuilt(void **state) {
+TEST(test_nothing_is_rebuilt) {
   needs(have_gl);
   tc_volume *volume = waves(TC_U16, 24, 11);
   bench b;
@@ -330,7 +330,7 @@ static void *cancel_soon(void *context) {
 }
 
 /* A frame of some seconds ends soon after it is cancelled, and the next one is whole. */
-static void test_cancel(void **state) {
+TEST(test_cancel) {
   needs(have_gl);
   tc_volume *volume = waves(TC_U8, 48, 17);
   bench b;
@@ -379,7 +379,7 @@ static bool draws_itself(tc_renderer *r, tc_volume *volume, const tc_scene *scen
 }
 
 /* A program that is not there costs a frame that hurries no time: the cpu draws it, and opengl the next ones. */
-static void test_hurry(void **state) {
+TEST(test_hurry) {
   needs(have_gl);
   enum { SIDE = 64 };
   static const tc_mode modes[] = {TC_MODE_DVR, TC_MODE_MIP, TC_MODE_ISOSURFACE, TC_MODE_MPR};
@@ -432,7 +432,7 @@ static void test_hurry(void **state) {
 }
 
 /* Neither does the first upload of a large volume; one that cannot be uploaded is refused at once. */
-static void test_hurried_upload(void **state) {
+TEST(test_hurried_upload) {
   needs(have_gl);
   enum { SIDE = 64 };
   tc_volume *small = waves(TC_U16, 32, 17), *large = waves(TC_U16, 170, 50), *other = waves(TC_U16, 170, 40);
@@ -475,7 +475,7 @@ static void test_hurried_upload(void **state) {
 
 /* ---- memory ---- */
 
-static void test_limits(void **state) {
+TEST(test_limits) {
   needs(have_gl);
   const int sizes[][3] = {
       {70000, 2, 1}, {1, 70000, 3}, {1, 16000, 4097}}; /* sides, and an atlas beyond any texture's */
@@ -504,7 +504,7 @@ static void test_limits(void **state) {
 }
 
 /* More volumes than are kept, with a budget for all and for one; each always shows itself. */
-static void test_eviction(void **state) {
+TEST(test_eviction) {
   needs(have_gl);
   enum { COUNT = 11 };
   for (int tight = 0; tight < 2; tight++) {
@@ -532,8 +532,5 @@ static void test_eviction(void **state) {
 
 int main(void) {
   setenv("MESA_SHADER_CACHE_DISABLE", "true", 1); /* its key misses some of Mesa's own settings */
-  const struct CMUnitTest tests[] = {TEST(test_report), TEST(test_several_contexts), TEST(test_other_thread),
-    TEST(test_program_cache), TEST(test_unbuilt_keys), TEST(test_nothing_is_rebuilt), TEST(test_cancel),
-    TEST(test_hurry), TEST(test_hurried_upload), TEST(test_limits), TEST(test_eviction)};
-  return cmocka_run_group_tests(tests, set_up, NULL);
+  return run_all_tests(set_up, NULL);
 }

@@ -271,7 +271,7 @@ static void mesh_scene(tc_scene *scene, const tc_volume *volume, tc_projection p
   scene->shading.model = TC_SHADING_BLINN_PHONG;
 }
 
-static void pictures_are_equal_but_for_ties(void **unused) {
+TEST(pictures_are_equal_but_for_ties) {
   needs(test_renderers[GL]);
   tc_volume *volume = waves();
   for (int round = 0; round < 6; round++) {
@@ -300,7 +300,7 @@ static void pictures_are_equal_but_for_ties(void **unused) {
 }
 
 /* What calls a tie a tie is no excuse: a picture that is a fiftieth of a pixel off has pixels that are none. */
-static void another_picture_is_no_tie(void **unused) {
+TEST(another_picture_is_no_tie) {
   needs(test_renderers[GL]);
   tc_volume *volume = waves();
   tc_scene scene, other;
@@ -314,7 +314,7 @@ static void another_picture_is_no_tie(void **unused) {
   tc_volume_unref(volume);
 }
 
-static void translucent_layers_are_sorted(void **unused) {
+TEST(translucent_layers_are_sorted) {
   needs(test_renderers[GL]);
   tc_volume *volume = waves();
   tc_scene scene;
@@ -345,7 +345,7 @@ static double ball(double x, double y, double z, const void *unused) {
 }
 
 /* A mesh that no buffer holds is refused in words. */
-static void a_mesh_too_large_for_a_buffer_is_refused(void **unused) {
+TEST(a_mesh_too_large_for_a_buffer_is_refused) {
   if (!test_renderers[GL]) return;
   const double period = 24;
   tc_volume *volume = test_volume(&(test_grid){.dims = {30, 30, 30}, .type = TC_U8, .slope = 0.004}, test_waves, &period);
@@ -362,7 +362,7 @@ static void a_mesh_too_large_for_a_buffer_is_refused(void **unused) {
   tc_volume_unref(volume);
 }
 
-static void labels_have_their_colours(void **unused) {
+TEST(labels_have_their_colours) {
   needs(test_renderers[GL]);
   tc_volume *labels = test_volume(&(test_grid){.dims = {40, 40, 40}, .type = TC_U8}, ball, NULL);
   tc_scene scene;
@@ -376,7 +376,7 @@ static void labels_have_their_colours(void **unused) {
 }
 
 /* Surfaces within the volume, in dvr and mip: gl casts the rays' parts, and gives the cpu's picture. */
-static void surfaces_within_a_volume_are_the_cpus(void **unused) {
+TEST(surfaces_within_a_volume_are_the_cpus) {
   needs(test_renderers[GL]);
   tc_volume *volume = waves();
   const tc_mesh_surface list[] = {
@@ -408,7 +408,7 @@ static void surfaces_within_a_volume_are_the_cpus(void **unused) {
   tc_volume_unref(volume);
 }
 
-static void frames_stop_and_go_on_to_the_same_picture(void **unused) {
+TEST(frames_stop_and_go_on_to_the_same_picture) {
   needs(test_renderers[GL]);
   tc_volume *volume = waves();
   tc_scene scene;
@@ -418,9 +418,4 @@ static void frames_stop_and_go_on_to_the_same_picture(void **unused) {
   tc_volume_unref(volume);
 }
 
-int main(void) {
-  const struct CMUnitTest tests[] = {TEST(pictures_are_equal_but_for_ties), TEST(another_picture_is_no_tie),
-    TEST(labels_have_their_colours), TEST(a_mesh_too_large_for_a_buffer_is_refused), TEST(translucent_layers_are_sorted),
-    TEST(surfaces_within_a_volume_are_the_cpus), TEST(frames_stop_and_go_on_to_the_same_picture)};
-  return cmocka_run_group_tests_name("meshes through OpenGL", tests, test_renderers_open, test_renderers_close);
-}
+TESTS(test_renderers_open, test_renderers_close)

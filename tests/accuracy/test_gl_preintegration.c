@@ -129,7 +129,7 @@ static tc_table_params params(tc_transfer_function *tf, tc_knot *points, size_t 
 }
 
 /* Any number of nodes, and how long both builders take over the usual ones. */
-static void every_size(void **state) {
+TEST(every_size) {
   needs(context);
   static const int sizes[] = {2, 3, 5, 17, 63, 100, 256, 512, 1024, 2048};
   for (size_t i = 0; i < G_N_ELEMENTS(sizes); i++) {
@@ -141,7 +141,7 @@ static void every_size(void **state) {
   }
 }
 
-static void any_stiffness(void **state) {
+TEST(any_stiffness) {
   needs(context);
   static const struct { const char *what; tc_knot *knots; size_t count; } functions[] = {
       {"smooth", smooth, 4}, {"jumping", jumping, 8}, {"ramp", ramp, 2}, {"fall", fall, 2}, {"constant", constant, 1}};
@@ -161,7 +161,7 @@ static void any_stiffness(void **state) {
 }
 
 /* Opacities (whose extinction bends between knots), linear light, values falling along the nodes, an opaque peak. */
-static void other_conventions(void **state) {
+TEST(other_conventions) {
   needs(context);
   tc_transfer_function tf;
   for (int i = 0; i < 8; i++) {
@@ -174,7 +174,7 @@ static void other_conventions(void **state) {
 }
 
 /* Thousands of knots in a node interval, and knots drawn by chance over many orders of magnitude. */
-static void many_knots(void **state) {
+TEST(many_knots) {
   needs(context);
   enum { MANY = 20000 };
   tc_knot *knots = g_new(tc_knot, MANY);
@@ -206,7 +206,7 @@ static tc_volume *waves(tc_voxel_type type) {
 }
 
 /* A value one of 65535 wide shows only through subtables. */
-static void one_value_wide(void **state) {
+TEST(one_value_wide) {
   needs(context);
   tc_knot peak[] = {{0.499994, {1, 0.5, 0}, 0}, {0.5, {1, 1, 0}, 40}, {0.500006, {0, 0.5, 1}, 0}};
   tc_volume *volume = waves(TC_U16);
@@ -227,7 +227,7 @@ static tc_renderer *renderer_with(tc_table_builder tables) {
 }
 
 /* The same picture from either table, the plan says which it was, and what does not change is not built again. */
-static void pictures(void **state) {
+TEST(pictures) {
   needs(context);
   static const tc_voxel_type types[] = {TC_U8, TC_I16, TC_F32};
   static const double oblique[3] = {0.4, -1, 0.3};
@@ -274,7 +274,7 @@ static void pictures(void **state) {
 }
 
 /* The cpu has a table of its own where it stands in for a program that is being compiled; rounded tables are its. */
-static void tables_of_the_cpu(void **state) {
+TEST(tables_of_the_cpu) {
   needs(context);
   static const double front[3] = {0, -1, 0};
   tc_renderer *r = renderer_with(TC_TABLES_GL);
@@ -303,7 +303,5 @@ static void tables_of_the_cpu(void **state) {
 
 int main(void) {
   setenv("MESA_SHADER_CACHE_DISABLE", "true", 1); /* its key misses some of Mesa's own settings */
-  const struct CMUnitTest tests[] = {TEST(every_size), TEST(any_stiffness), TEST(other_conventions), TEST(many_knots),
-    TEST(one_value_wide), TEST(pictures), TEST(tables_of_the_cpu)};
-  return cmocka_run_group_tests(tests, set_up, tear_down);
+  return run_all_tests(set_up, tear_down);
 }

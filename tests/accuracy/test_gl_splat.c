@@ -55,7 +55,7 @@ static void expect_equal(tc_volume *volume, tc_volume *labels, const tc_scene *s
   assert_true(apart <= seen / 1000 && seen > PIXELS / 20);
 }
 
-static void pictures_are_equal_but_for_rims(void **unused) {
+TEST(pictures_are_equal_but_for_rims) {
   needs(test_renderers[GL]);
   tc_volume *volume = waves();
   for (int round = 0; round < 7; round++) {
@@ -96,7 +96,7 @@ static bool is_colored(const tc_frame *frame) {
 }
 
 /* By value and transfer function, by labels, and by a model's attribute and palette; unlit, lit, and cut. */
-static void colors_are_the_cpus(void **unused) {
+TEST(colors_are_the_cpus) {
   needs(test_renderers[GL]);
   const test_grid grid = {.dims = {60, 52, 56}, .type = TC_U8, .slope = 1, .spacing = {1, 1.3, 0.8}, .origin = {-1000, 300, 50}};
   tc_volume *volume = waves(), *labels = test_volume(&grid, bands, &(double){24});
@@ -120,7 +120,7 @@ static void colors_are_the_cpus(void **unused) {
   tc_volume_unref(volume);
 }
 
-static void culling_changes_no_bit(void **unused) {
+TEST(culling_changes_no_bit) {
   needs(test_renderers[GL]);
   tc_volume *volume = waves();
   tc_scene scene;
@@ -140,7 +140,7 @@ static void culling_changes_no_bit(void **unused) {
 }
 
 /* A haze and a nearly solid one, lit and not, by values, labels and palette, cut, and from the inside. */
-static void translucent_sheets_are_the_cpus(void **unused) {
+TEST(translucent_sheets_are_the_cpus) {
   needs(test_renderers[GL]);
   const test_grid grid = {.dims = {60, 52, 56}, .type = TC_U8, .slope = 1, .spacing = {1, 1.3, 0.8}, .origin = {-1000, 300, 50}};
   tc_volume *volume = waves(), *labels = test_volume(&grid, bands, &(double){24});
@@ -177,14 +177,10 @@ static void stop_and_go_on(bool opaque) {
   tc_volume_unref(volume);
 }
 
-static void frames_stop_and_go_on_to_the_same_picture(void **unused) {
+TEST(frames_stop_and_go_on_to_the_same_picture) {
   needs(test_renderers[GL]);
   stop_and_go_on(true);
   stop_and_go_on(false);
 }
 
-int main(void) {
-  const struct CMUnitTest tests[] = {TEST(pictures_are_equal_but_for_rims), TEST(colors_are_the_cpus), TEST(culling_changes_no_bit),
-    TEST(translucent_sheets_are_the_cpus), TEST(frames_stop_and_go_on_to_the_same_picture)};
-  return cmocka_run_group_tests_name("splats through OpenGL", tests, test_renderers_open, test_renderers_close);
-}
+TESTS(test_renderers_open, test_renderers_close)

@@ -84,7 +84,7 @@ static int draw_in_parts(int which, subject *s, tc_frame *frame) {
   }
 }
 
-static void resumed_is_uncut(void **state) {
+TEST(resumed_is_uncut) {
   int cut[RENDERERS] = {0}, calls[RENDERERS] = {0};
   tc_frame parts = {0};
   for (uint64_t seed = 1; seed <= CASES; seed++) {
@@ -116,7 +116,7 @@ static void resumed_is_uncut(void **state) {
 }
 
 /* A frame of another size, or one that was not paused, is begun anew. */
-static void only_what_was_paused_is_resumed(void **state) {
+TEST(only_what_was_paused_is_resumed) {
   subject s;
   tc_frame frame = {0};
   assert_true(subject_open(&s, 3));
@@ -141,7 +141,7 @@ static void only_what_was_paused_is_resumed(void **state) {
 }
 
 /* From above, and not far: with nothing skipped and no ray ended early. */
-static void estimate_holds(void **state) {
+TEST(estimate_holds) {
   double least = INFINITY, log_sum = 0;
   int n = 0;
   for (uint64_t seed = 1; seed <= 10 * CASES; seed++) {
@@ -243,7 +243,7 @@ static long long looks_after(int which, subject *s, long long at) {
 
 /* Wherever the wish meets a render, first frames with all that they build included, it is left after a few more looks;
  * and looks are never far apart. */
-static void stopping_is_soon(void **state) {
+TEST(stopping_is_soon) {
   long long most_after[RENDERERS] = {0}, most_us[RENDERERS] = {0};
   uint64_t where = 5;
   for (uint64_t seed = 1; seed <= CASES; seed++) {
@@ -292,7 +292,7 @@ static void monster_open(subject *s) {
   scene->sampling.rays_per_pixel = 64;
 }
 
-static void monster_stops(void **state) {
+TEST(monster_stops) {
   enum { LOOKS = 60 };
   subject s;
   monster_open(&s);
@@ -342,7 +342,7 @@ static tc_volume *ramp_of(tc_voxel_type type, int side) {
 }
 
 /* Cut where the table is in the making: what is chosen, outlined and begun is heard. */
-static void long_lists_are_heard(void **state) {
+TEST(long_lists_are_heard) {
   enum { LOOKS = 1200 };
   static const long_list lists[] = {
       {"even", 65536, TC_PREINTEGRATED, 0, false},         {"in eight places", 65536, TC_PREINTEGRATED, 8, false},
@@ -373,7 +373,7 @@ static void long_lists_are_heard(void **state) {
   g_free(knots);
 }
 
-static void many_labels_are_heard(void **state) {
+TEST(many_labels_are_heard) {
   const double rgba[4] = {1, 0.5, 0.25, 1};
   subject s = {.volume = ramp_of(TC_U16, 41), .labels = ramp_of(TC_U16, 41)};
   tc_scene *scene = &s.drawn.scene;
@@ -421,7 +421,7 @@ static long long first_frame_us(subject *before, subject *s) {
 }
 
 /* A driver in software compiles at a first dispatch, for the textures that are bound: beside, not while nobody hears. */
-static void first_dispatches_are_heard(void **state) {
+TEST(first_dispatches_are_heard) {
   if (!test_renderers[GL]) skip();
   static const tc_mode modes[] = {TC_MODE_MESH, TC_MODE_SPLAT, TC_MODE_MIP};
   subject before = {.volume = ramp_of(TC_U16, 41)}, s = {.volume = ramp_of(TC_U16, 32)};
@@ -447,7 +447,7 @@ static void first_dispatches_are_heard(void **state) {
 }
 
 /* A table of 75 MB: the buffer that it goes into is not zeroed in one go. */
-static void large_tables_are_heard(void **state) {
+TEST(large_tables_are_heard) {
   if (!test_renderers[GL]) skip();
   subject s = {.volume = ramp_of(TC_U16, 32), .request.table_size = 1536};
   tc_scene *scene = &s.drawn.scene;
@@ -477,7 +477,7 @@ static void deep_scene(subject *s, int n_panes, int rays_per_pixel) {
 }
 
 /* Hundreds of translucent layers in every sample of a tile: they are sorted and shaded between looks, too. */
-static void deep_layers_are_heard(void **state) {
+TEST(deep_layers_are_heard) {
   subject s = {.volume = ramp_of(TC_U16, 24)};
   deep_scene(&s, 250, 8);
   long long us = LLONG_MAX, looks;
@@ -491,7 +491,7 @@ static void deep_layers_are_heard(void **state) {
 
 /* Surfaces in a volume are drawn in passes over the whole picture. Each call goes on where the one before was left: none is
  * fruitless, after which the next might keep others waiting for longer, but by chance. */
-static void surfaces_within_are_resumed(void **state) {
+TEST(surfaces_within_are_resumed) {
   const tc_mesh_surface pane = {.source = TC_SURFACE_OF_VALUE, .opacity = 0.4, .visible = true, .two_sided = true};
   enum { PANES = 6 };
   subject s = {.volume = ramp_of(TC_U16, 40), .request.want_linear = true};
@@ -526,7 +526,7 @@ static void surfaces_within_are_resumed(void **state) {
 }
 
 /* A tile of millions of translucent layers: each call goes on below the rows that were drawn before. */
-static void deep_tiles_are_resumed(void **state) {
+TEST(deep_tiles_are_resumed) {
   enum { PANES = 250 };
   subject s = {.volume = ramp_of(TC_U16, 24), .request.want_linear = true};
   tc_scene *scene = &s.drawn.scene;
@@ -651,7 +651,7 @@ static double print_stops(const char *name, const char *what, double *ms, int co
 
 /* First frames stopped at any time; TC_LONG=1 takes a thousand, and holds them to 50 ms (99 %) and 200; TC_SEEDS=200-400
  * takes a part of those. */
-static void stopping_by_the_clock(void **state) {
+TEST(stopping_by_the_clock) {
   const bool many = getenv("TC_LONG") != NULL;
   const int wanted = many ? MOST_STOPPED : 40, gl_share = many ? 1 : 5; /* it compiles */
   uint64_t first = 1, end = 20 * (uint64_t)wanted;
@@ -681,9 +681,5 @@ static void stopping_by_the_clock(void **state) {
 
 int main(void) {
   setenv("MESA_SHADER_CACHE_DISABLE", "true", 1); /* what others compiled takes no time */
-  const struct CMUnitTest tests[] = {TEST(resumed_is_uncut), TEST(only_what_was_paused_is_resumed),
-    TEST(estimate_holds), TEST(stopping_is_soon), TEST(monster_stops), TEST(long_lists_are_heard),
-    TEST(many_labels_are_heard), TEST(first_dispatches_are_heard), TEST(large_tables_are_heard), TEST(deep_layers_are_heard),
-    TEST(surfaces_within_are_resumed), TEST(deep_tiles_are_resumed), TEST(stopping_by_the_clock)};
-  return cmocka_run_group_tests(tests, test_renderers_open, test_renderers_close);
+  return run_all_tests(test_renderers_open, test_renderers_close);
 }

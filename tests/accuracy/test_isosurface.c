@@ -52,7 +52,7 @@ static bool middle_hit(tc_volume *volume, const tc_scene *scene, tc_reference_hi
   return met;
 }
 
-static void reference_meets_closed_forms(void **state) {
+TEST(reference_meets_closed_forms) {
   const double slant[4] = {0.3, 1, -0.2, 2};
   tc_volume *plane = test_volume(&(test_grid){.dims = {9, 9, 9}, .type = TC_F32}, test_linear, slant);
   tc_scene scene;
@@ -133,7 +133,7 @@ static void judge(int which, tc_volume *volume, const tc_scene *scene, verdict *
   tc_reference_free(r);
 }
 
-static void everyone_meets_the_reference(void **state) {
+TEST(everyone_meets_the_reference) {
   verdict v[RENDERERS] = {{0}};
   for (int type = 0; type < TC_VOXEL_TYPE_COUNT; type++)
     for (int bits = 0; bits < 8; bits++) {
@@ -163,7 +163,7 @@ static void everyone_meets_the_reference(void **state) {
 
 /* ---- what must not matter ---- */
 
-static void skipping_changes_no_bit(void **state) {
+TEST(skipping_changes_no_bit) {
   const double center[3] = {20, 25, 15};
   uint64_t leaps = 0;
   for (int n = 0; n < 12; n++) {
@@ -202,7 +202,7 @@ static void skipping_changes_no_bit(void **state) {
 /* A sheet thinner than a voxel that no step of 1 would meet. */
 static double sheet(double x, double y, double z, const void *context) { return y == 11 ? 1 : 0; }
 
-static void nothing_thin_is_missed(void **state) {
+TEST(nothing_thin_is_missed) {
   tc_volume *volume = test_volume(&(test_grid){.dims = {20, 24, 20}, .type = TC_F32}, sheet, NULL);
   tc_scene scene;
   surface_scene(&scene, volume, 0.999);
@@ -218,7 +218,7 @@ static void nothing_thin_is_missed(void **state) {
 }
 
 /* Everything of one side, or a value that the volume does not have, is an empty picture. */
-static void extremes_are_empty_or_right(void **state) {
+TEST(extremes_are_empty_or_right) {
   const int sizes[][3] = {{1, 1, 1}, {1, 9, 1}, {9, 1, 5}, {2, 2, 2}, {1, 1, 300}};
   const double along[4] = {0.1, 0.1, 0.1, 0}, whole = 5, tiny[4] = {1e-30, 1e-30, 0, 0},
                huge[4] = {1e29, 3e28, 0, -1e29};
@@ -255,7 +255,7 @@ static void extremes_are_empty_or_right(void **state) {
 
 /* Each pixel is the mean of the reference's hits at its rays' places, and its depth the least of them. */
 /* Along an axis of one voxel nothing changes and no wall is passed, wherever a ray crosses it. */
-static void single_voxels_are_thick(void **state) {
+TEST(single_voxels_are_thick) {
   const double rise[4] = {0.1, 0, 0, 0};
   tc_volume *volume =
       test_volume(&(test_grid){.dims = {8, 1, 1}, .type = TC_F32, .spacing = {1, 20, 20}}, test_linear, rise);
@@ -277,7 +277,7 @@ static void single_voxels_are_thick(void **state) {
   tc_volume_unref(volume);
 }
 
-static void several_rays_are_their_mean(void **state) {
+TEST(several_rays_are_their_mean) {
   enum { COUNT = 8 };
   tc_volume *volume = waves(TC_I16);
   tc_scene scene;
@@ -315,7 +315,7 @@ static void several_rays_are_their_mean(void **state) {
   tc_volume_unref(volume);
 }
 
-static void plans_say_what_is_read(void **state) {
+TEST(plans_say_what_is_read) {
   tc_volume *volume = waves(TC_U8);
   tc_scene scene;
   tc_explanation plan;
@@ -363,7 +363,7 @@ static void plans_say_what_is_read(void **state) {
 
 /* What an object costs in a mode is the plan's rate times a factor of this renderer, the same for all its scenes; rays cost
  * scalar kernels more than the widest vectors, splats do not. */
-static void costs_are_this_renderers(void **unused) {
+TEST(costs_are_this_renderers) {
   tc_volume *volume = test_volume(&(test_grid){.dims = {40, 40, 40}, .type = TC_U8, .slope = 0.004}, test_waves, &(double){24});
   double rays_to_splats[2];
   for (int i = 0; i < 2; i++) {
@@ -395,10 +395,4 @@ static void costs_are_this_renderers(void **unused) {
   tc_volume_unref(volume);
 }
 
-int main(void) {
-  const struct CMUnitTest tests[] = {TEST(reference_meets_closed_forms), TEST(everyone_meets_the_reference),
-    TEST(skipping_changes_no_bit), TEST(nothing_thin_is_missed), TEST(extremes_are_empty_or_right),
-    TEST(several_rays_are_their_mean), TEST(single_voxels_are_thick), TEST(plans_say_what_is_read),
-    TEST(costs_are_this_renderers)};
-  return cmocka_run_group_tests(tests, test_renderers_open, test_renderers_close);
-}
+TESTS(test_renderers_open, test_renderers_close)

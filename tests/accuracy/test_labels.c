@@ -119,7 +119,7 @@ static void overlay_at(const tc_volume *labels, const tc_scene *scene, const dou
 
 /* ---- what labels do ---- */
 
-static void every_place_has_the_mean_of_its_eight_labels(void **state) {
+TEST(every_place_has_the_mean_of_its_eight_labels) {
   static const int shapes[][3] = {{9, 8, 14}, {1, 9, 12}, {10, 1, 9}, {9, 7, 1}, {1, 1, 1}, {2, 2, 2}};
   tc_volume *volume = seven();
   double worst[RENDERERS] = {0}, tinted = 0;
@@ -153,7 +153,7 @@ static void every_place_has_the_mean_of_its_eight_labels(void **state) {
 }
 
 /* Along a face the overlay rises linearly from one voxel centre to the next: no step is larger than a pixel's share. */
-static void faces_are_smooth(void **state) {
+TEST(faces_are_smooth) {
   tc_volume *volume = seven();
   tc_volume *labels =
       test_volume(&(test_grid){.dims = {7, 7, 7}, .type = TC_U8, .spacing = {4, 4, 4}}, halves, &(double){3});
@@ -186,7 +186,7 @@ static void medium_scene(tc_scene *scene, double extinction) {
   scene->camera.up[1] = -1;
 }
 
-static void hiding_thins_the_medium_and_tint_colours_it(void **state) {
+TEST(hiding_thins_the_medium_and_tint_colours_it) {
   tc_volume *volume = seven();
   tc_volume *labels =
       test_volume(&(test_grid){.dims = {7, 7, 7}, .type = TC_I8, .spacing = {4, 4, 4}}, halves, &(double){3});
@@ -221,7 +221,7 @@ static void hiding_thins_the_medium_and_tint_colours_it(void **state) {
 }
 
 /* An opaque body takes exactly the label's colour; labels without a tint change no bit. */
-static void full_and_empty_tints_are_exact(void **state) {
+TEST(full_and_empty_tints_are_exact) {
   tc_volume *volume = seven();
   tc_volume *labels = test_volume(&(test_grid){.dims = {25, 25, 25}, .type = TC_U16}, test_constant, &(double){40000});
   tc_scene scene;
@@ -281,7 +281,7 @@ static void busy_scene(tc_scene *scene, const tc_volume *volume, unsigned bits) 
   scene->filter = bits & 16 ? TC_FILTER_NEAREST : TC_FILTER_LINEAR;
 }
 
-static void everyone_agrees(void **state) {
+TEST(everyone_agrees) {
   double worst[RENDERERS] = {0};
   size_t ties = 0, compared = 0;
   for (unsigned number = 0; number < 33; number++) {
@@ -316,7 +316,7 @@ static void everyone_agrees(void **state) {
 }
 
 /* With smaller steps pictures go to the integral of what is visible; errors fall with the step's square, or nearly. */
-static void small_steps_converge_to_the_reference(void **state) {
+TEST(small_steps_converge_to_the_reference) {
   tc_volume *volume = waves(TC_F32), *labels = slanted_labels(TC_U8, (const int[3]){9, 8, 14}, 3);
   float *wanted = g_new(float, PIXELS * 4);
   for (unsigned bits = 1; bits < 7; bits += 5) { /* plain; shaded, some hidden, parallel */
@@ -344,7 +344,7 @@ static void small_steps_converge_to_the_reference(void **state) {
   tc_volume_unref(volume);
 }
 
-static void leaping_changes_no_bit_and_threads_none(void **state) {
+TEST(leaping_changes_no_bit_and_threads_none) {
   static float before[PIXELS * 4];
   tc_renderer *one =
       tc_renderer_new(&(tc_renderer_options){.backend = TC_BACKEND_CPU, .threads = 1, .isa = "scalar"}, NULL);
@@ -391,7 +391,7 @@ static void refused(tc_volume *volume, const tc_volume *labels, const tc_scene *
   }
 }
 
-static void what_is_no_label_volume_is_refused(void **state) {
+TEST(what_is_no_label_volume_is_refused) {
   tc_volume *volume = waves(TC_U8);
   tc_volume *floats = waves(TC_F32);
   tc_volume *far =
@@ -409,7 +409,7 @@ static void what_is_no_label_volume_is_refused(void **state) {
   for (int i = 0; i < 4; i++) tc_volume_unref(all[i]);
 }
 
-static void the_plan_names_labels_where_they_are_read(void **state) {
+TEST(the_plan_names_labels_where_they_are_read) {
   tc_volume *volume = waves(TC_U8), *labels = slanted_labels(TC_U8, (const int[3]){9, 8, 14}, 1);
   tc_scene scene;
   tc_explanation plan;
@@ -436,7 +436,7 @@ static void the_plan_names_labels_where_they_are_read(void **state) {
 }
 
 /* A volume may be its own labels, and GL keeps both in one frame. */
-static void a_volume_may_be_its_own_labels(void **state) {
+TEST(a_volume_may_be_its_own_labels) {
   tc_volume *volume = slanted_labels(TC_U16, (const int[3]){14, 12, 13}, 5);
   tc_scene scene;
   test_scene(&scene, SIDE, SIDE);
@@ -454,11 +454,4 @@ static void a_volume_may_be_its_own_labels(void **state) {
   tc_volume_unref(volume);
 }
 
-int main(void) {
-  const struct CMUnitTest tests[] = {TEST(every_place_has_the_mean_of_its_eight_labels), TEST(faces_are_smooth),
-    TEST(hiding_thins_the_medium_and_tint_colours_it), TEST(full_and_empty_tints_are_exact), TEST(everyone_agrees),
-    TEST(small_steps_converge_to_the_reference), TEST(leaping_changes_no_bit_and_threads_none),
-    TEST(what_is_no_label_volume_is_refused), TEST(the_plan_names_labels_where_they_are_read),
-    TEST(a_volume_may_be_its_own_labels)};
-  return cmocka_run_group_tests(tests, test_renderers_open, test_renderers_close);
-}
+TESTS(test_renderers_open, test_renderers_close)

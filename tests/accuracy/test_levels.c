@@ -93,7 +93,7 @@ static double from_level(const tc_clusters *c, size_t group, uint32_t level, con
 
 /* No vertex of the full surface is farther from a level than is stated, nor what a level has between its vertices from the
  * full surface; and each level is much smaller than the one before. */
-static void errors_are_as_stated(void **state) {
+TEST(errors_are_as_stated) {
   const tc_clusters *c = f.levels;
   double share[TC_LEVELS] = {0}, most[TC_LEVELS] = {0};
   assert_true(c->n_groups >= 4);
@@ -127,7 +127,7 @@ typedef struct edge {
 } edge;
 
 /* Every edge within the volume goes both ways, whatever levels neighbours have. */
-static void levels_meet_without_a_crack(void **state) {
+TEST(levels_meet_without_a_crack) {
   const tc_clusters *c = f.levels;
   uint64_t seed = 5;
   for (int round = 0; round < 2; round++) {
@@ -186,7 +186,7 @@ static void place(const tc_mesh_view *v, const double p[3], double at[2]) {
 
 /* However a point of the surface is displaced by what its level may be off, its place in the picture moves by less than the
  * limit; and where there is room, coarser levels are taken. */
-static void choices_are_bounded_in_pixels(void **state) {
+TEST(choices_are_bounded_in_pixels) {
   const tc_clusters *c = f.levels;
   uint8_t *level = g_malloc(c->n_groups);
   for (int i = 0; i < 12; i++) {
@@ -222,7 +222,7 @@ static void choices_are_bounded_in_pixels(void **state) {
   g_free(level);
 }
 
-static void a_triangle_takes_at_most_40_bytes(void **state) {
+TEST(a_triangle_takes_at_most_40_bytes) {
   const double n = (double)tc_clusters_in_full(f.levels);
   printf("  %.1f bytes a triangle, %.1f with levels\n", (double)f.full->bytes / n, (double)f.levels->bytes / n);
   assert_true((double)f.levels->bytes <= 40 * n);
@@ -243,7 +243,7 @@ static void *make_until_stopped(void *context) {
 }
 
 /* Wherever it is, a stop ends it within 50 ms of its thread's own time. */
-static void making_ends_soon(void **state) {
+TEST(making_ends_soon) {
   double longest = 0;
   for (int i = 0; i < 8; i++) {
     making m = {0};
@@ -263,7 +263,7 @@ static void making_ends_soon(void **state) {
   assert_true(longest < 50);
 }
 
-static void making_is_cancelled(void **state) {
+TEST(making_is_cancelled) {
   GError *error = NULL;
   atomic_bool stop = true;
   assert_null(tc_levels_make(f.full, &stop, &error));
@@ -273,7 +273,7 @@ static void making_is_cancelled(void **state) {
   tc_refining_end(NULL);
 }
 
-static void one_thread_makes_them(void **state) {
+TEST(one_thread_makes_them) {
   tc_refining *one = tc_refining_begin(f.full);
   assert_non_null(one);
   tc_refining *two = tc_refining_begin(f.full);
@@ -324,7 +324,7 @@ static void come_beside(tc_renderer *r) {
   tc_scene_clear(&scene);
 }
 
-static void levels_come_beside(void **state) {
+TEST(levels_come_beside) {
   for (int i = 0; i < 2; i++) {
     const tc_backend backend = i ? TC_BACKEND_GL : TC_BACKEND_CPU;
     tc_renderer *r = tc_renderer_new(&(tc_renderer_options){.backend = backend, .threads = 2, .levels = true}, NULL);
@@ -335,7 +335,7 @@ static void levels_come_beside(void **state) {
 }
 
 /* Where the cache has no room for them there are none, and the surface is drawn in full; a frame that moves begins none. */
-static void levels_need_memory_and_rest(void **state) {
+TEST(levels_need_memory_and_rest) {
   for (int i = 0; i < 2; i++) {
     const tc_renderer_options options = {.backend = TC_BACKEND_CPU, .threads = 1, .levels = true};
     tc_renderer *r = tc_renderer_new(&options, NULL);
@@ -354,9 +354,4 @@ static void levels_need_memory_and_rest(void **state) {
   }
 }
 
-int main(void) {
-  const struct CMUnitTest tests[] = {TEST(errors_are_as_stated), TEST(levels_meet_without_a_crack),
-    TEST(choices_are_bounded_in_pixels), TEST(a_triangle_takes_at_most_40_bytes), TEST(making_is_cancelled), TEST(making_ends_soon), TEST(one_thread_makes_them),
-    TEST(levels_come_beside), TEST(levels_need_memory_and_rest)};
-  return cmocka_run_group_tests(tests, set_up, tear_down);
-}
+TESTS(set_up, tear_down)

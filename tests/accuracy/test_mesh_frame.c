@@ -56,7 +56,7 @@ static bool is_smooth(const truth *t, int i) {
   return true;
 }
 
-static void surface_is_where_the_field_has_it(void **unused) {
+TEST(surface_is_where_the_field_has_it) {
   static truth t;
   const int which = test_widest();
   for (int round = 0; round < 6; round++) {
@@ -88,7 +88,7 @@ static void surface_is_where_the_field_has_it(void **unused) {
   }
 }
 
-static void every_renderer_draws_the_same_bytes(void **unused) {
+TEST(every_renderer_draws_the_same_bytes) {
   tc_volume *volume = waves(TC_U8);
   tc_scene scene;
   mesh_scene(&scene, volume, TC_PERSPECTIVE);
@@ -104,7 +104,7 @@ static void every_renderer_draws_the_same_bytes(void **unused) {
 }
 
 /* Once extracted a surface stays; another value or another volume has its own; where it is nowhere the picture is empty. */
-static void a_surface_is_extracted_once(void **unused) {
+TEST(a_surface_is_extracted_once) {
   const int which = test_widest();
   tc_volume *volume = waves(TC_U8);
   tc_scene scene;
@@ -144,7 +144,7 @@ static const float *pixel_of(const tc_frame *frame, double x) { /* of the point 
   return frame->linear + 4 * (SIDE / 2 * SIDE + (int)((x - 20) * SIDE / 50 + SIDE / 2.0));
 }
 
-static void labels_have_surfaces_of_their_colours(void **unused) {
+TEST(labels_have_surfaces_of_their_colours) {
   const int which = test_widest();
   tc_volume *labels = balls();
   tc_scene scene;
@@ -181,7 +181,7 @@ static void labels_have_surfaces_of_their_colours(void **unused) {
   tc_volume_unref(labels);
 }
 
-static void frames_stop_and_go_on_to_the_same_picture(void **unused) {
+TEST(frames_stop_and_go_on_to_the_same_picture) {
   const int which = test_widest();
   tc_scene scene;
   tc_frame frame = {0};
@@ -213,7 +213,7 @@ static void frames_stop_and_go_on_to_the_same_picture(void **unused) {
 }
 
 /* The scene's list: values, labels and their colours together, each made once, whatever is done to the others. */
-static void several_surfaces_are_one_picture(void **unused) {
+TEST(several_surfaces_are_one_picture) {
   const int which = test_widest();
   tc_volume *labels = balls(); /* 0, 3 and 7: at 1.5 the surface of both, at 5 that of the second alone */
   tc_scene scene;
@@ -287,7 +287,7 @@ static double in_two_halves(double x, double y, double z, const void *user) {
 }
 
 /* Lists of surfaces have the exact surfaces as their truth: all of their layers, of each its own colour and shading. */
-static void lists_are_near_the_exact_surfaces(void **unused) {
+TEST(lists_are_near_the_exact_surfaces) {
   tc_volume *volume = test_volume(&(test_grid){.dims = {40, 40, 40}, .type = TC_F32}, test_radius2, (double[3]){20, 20, 20});
   const tc_mesh_surface list[3] = {
       {.value = 200, .color = {1, 0.4, 0.2}, .opacity = 0.4, .has_color = true, .visible = true, .two_sided = true},
@@ -314,7 +314,7 @@ static void lists_are_near_the_exact_surfaces(void **unused) {
 }
 
 /* Whatever a list holds, alone and within a volume: each member counts, the lights too. */
-static void whatever_is_drawn_has_a_truth(void **unused) {
+TEST(whatever_is_drawn_has_a_truth) {
   const test_grid grid = {.dims = {40, 40, 40}, .type = TC_U8, .slope = 1};
   tc_volume *volume = test_volume(&(test_grid){.dims = {40, 40, 40}, .type = TC_F32}, test_radius2, (double[3]){20, 20, 20});
   tc_volume *labels = test_volume(&grid, in_two_halves, NULL);
@@ -360,7 +360,7 @@ static void whatever_is_drawn_has_a_truth(void **unused) {
 }
 
 /* Without a list a mesh is every label. */
-static void labels_have_a_truth(void **unused) {
+TEST(labels_have_a_truth) {
   const test_grid grid = {.dims = {40, 40, 40}, .type = TC_U8, .slope = 1};
   tc_volume *labels = test_volume(&grid, in_two_halves, NULL);
   tc_scene scene, truth;
@@ -419,7 +419,7 @@ static tc_volume *around_a_ball(void) {
   return test_volume(&(test_grid){.dims = {40, 40, 40}, .type = TC_F32}, test_radius2, (double[3]){20, 20, 20});
 }
 
-static void surfaces_are_between_what_is_before_and_behind_them(void **unused) {
+TEST(surfaces_are_between_what_is_before_and_behind_them) {
   const int which = test_widest();
   tc_volume *volume = around_a_ball();
   for (int round = 0; round < 4; round++) {
@@ -452,7 +452,7 @@ static void surfaces_are_between_what_is_before_and_behind_them(void **unused) {
   tc_volume_unref(volume);
 }
 
-static void layers_are_bounded(void **unused) {
+TEST(layers_are_bounded) {
   const unsigned most = tc_mesh_most_layers;
   tc_volume *volume = around_a_ball();
   tc_scene scene;
@@ -472,7 +472,7 @@ static void layers_are_bounded(void **unused) {
 }
 
 /* Brightness y / 40 grows along the rays: what is in front of a surface is darker than what is behind it. */
-static void surfaces_end_and_divide_maxima(void **unused) {
+TEST(surfaces_end_and_divide_maxima) {
   const int which = test_widest();
   tc_volume *volume = test_volume(&(test_grid){.dims = {40, 40, 40}, .type = TC_F32}, test_linear, (double[4]){0, 1, 0, 0});
   for (int round = 0; round < 3; round++) {
@@ -501,7 +501,7 @@ static void surfaces_end_and_divide_maxima(void **unused) {
 }
 
 /* Three slices through (10, 12, 14), seen in perspective: each shows the field where it is met, in front of the others. */
-static void slices_show_the_field_where_they_are(void **unused) {
+TEST(slices_show_the_field_where_they_are) {
   static const double at[3] = {10, 12, 14}, ramp[4] = {0.01, 0.005, 0.008, 0};
   const int which = test_widest();
   tc_volume *volume = test_volume(&(test_grid){.dims = {40, 40, 40}, .type = TC_F32}, test_linear, ramp);
@@ -553,7 +553,7 @@ static void slices_show_the_field_where_they_are(void **unused) {
   tc_volume_unref(volume);
 }
 
-static void what_cannot_be_is_refused(void **unused) {
+TEST(what_cannot_be_is_refused) {
   const tc_renderer_options small = {.threads = 1, .backend = TC_BACKEND_CPU, .cache_bytes = 100000};
   tc_renderer *renderer = tc_renderer_new(&small, NULL);
   tc_volume *volume = waves(TC_U8);
@@ -579,12 +579,4 @@ static void what_cannot_be_is_refused(void **unused) {
   tc_renderer_free(renderer);
 }
 
-int main(void) {
-  const struct CMUnitTest tests[] = {TEST(surface_is_where_the_field_has_it),
-    TEST(every_renderer_draws_the_same_bytes), TEST(a_surface_is_extracted_once),
-    TEST(frames_stop_and_go_on_to_the_same_picture), TEST(what_cannot_be_is_refused),
-    TEST(several_surfaces_are_one_picture), TEST(lists_are_near_the_exact_surfaces), TEST(whatever_is_drawn_has_a_truth), TEST(labels_have_a_truth), TEST(layers_are_bounded),
-    TEST(surfaces_are_between_what_is_before_and_behind_them), TEST(surfaces_end_and_divide_maxima),
-    TEST(slices_show_the_field_where_they_are), TEST(labels_have_surfaces_of_their_colours)};
-  return cmocka_run_group_tests_name("mesh frames", tests, test_renderers_open, test_renderers_close);
-}
+TESTS(test_renderers_open, test_renderers_close)

@@ -65,7 +65,7 @@ static tc_meter_result measure(int count, uint64_t seed) {
   return result;
 }
 
-static void all_pixels_give_the_frame_itself(void **state) {
+TEST(all_pixels_give_the_frame_itself) {
   tc_meter_result all = measure(PIXELS + 5, 1);
   assert_int_equal(all.pixels, PIXELS);
   assert_true(frame_rms > 1e-5);
@@ -75,7 +75,7 @@ static void all_pixels_give_the_frame_itself(void **state) {
 }
 
 /* 95 % nominal; squares are skewed, and a sample that missed the worst pixels is too sure: 88 % is asked here. */
-static void the_interval_holds_the_truth(void **state) {
+TEST(the_interval_holds_the_truth) {
   enum { SEEDS = 60, COUNT = 256 };
   int held = 0, below = 0;
   double mean = 0;
@@ -93,14 +93,14 @@ static void the_interval_holds_the_truth(void **state) {
   assert_float_equal(sqrt(mean), frame_rms, 0.1 * frame_rms); /* unbiased */
 }
 
-static void one_seed_one_answer(void **state) {
+TEST(one_seed_one_answer) {
   tc_meter_result a = measure(64, 7), b = measure(64, 7), c = measure(64, 8);
   assert_true(a.rms == b.rms && a.max == b.max && a.low == b.low);
   assert_true(a.rms != c.rms);
 }
 
 /* What the estimator makes of squares that are known: one in four pixels wrong by 0.1. */
-static void the_estimate_is_the_textbooks(void **state) {
+TEST(the_estimate_is_the_textbooks) {
   enum { COUNT = 48 };
   double known[COUNT];
   for (int i = 0; i < COUNT; i++)
@@ -115,7 +115,7 @@ static void the_estimate_is_the_textbooks(void **state) {
   assert_true(r.low == 0 && r.high == 1 && fabs(r.rms - 0.2) < 1e-12);
 }
 
-static void ends_when_told(void **state) {
+TEST(ends_when_told) {
   atomic_bool cancel = true;
   GError *error = NULL;
   tc_meter_result r;
@@ -128,7 +128,7 @@ static void ends_when_told(void **state) {
   tc_meter_free(meter);
 }
 
-static void what_has_no_reference_is_said(void **state) {
+TEST(what_has_no_reference_is_said) {
   char reason[96];
   tc_explanation plan;
   scene.error_meter.pixels = 64;
@@ -179,7 +179,7 @@ static void assert_step_alone_counts(tc_scene *s, tc_volume *labels, const char 
   assert_true(s->mode == TC_MODE_ISOSURFACE || found[0].rms >= 4 * found[1].rms);
 }
 
-static void the_truth_of_many_rays_is_their_mean(void **state) {
+TEST(the_truth_of_many_rays_is_their_mean) {
   static const struct {
     tc_mode mode;
     const char *name;
@@ -220,7 +220,7 @@ static void the_truth_of_many_rays_is_their_mean(void **state) {
 
 static double stripes(double x, double y, double z, const void *context) { return (int)(x / 5) % 3; }
 
-static void labels_are_measured_too(void **state) {
+TEST(labels_are_measured_too) {
   char reason[96];
   tc_scene s;
   const tc_volume_desc *d = tc_volume_describe(volume);
@@ -238,9 +238,4 @@ static void labels_are_measured_too(void **state) {
   tc_volume_unref(labels);
 }
 
-int main(void) {
-  const struct CMUnitTest tests[] = {TEST(all_pixels_give_the_frame_itself), TEST(the_interval_holds_the_truth),
-    TEST(one_seed_one_answer), TEST(the_estimate_is_the_textbooks), TEST(ends_when_told),
-    TEST(the_truth_of_many_rays_is_their_mean), TEST(labels_are_measured_too), TEST(what_has_no_reference_is_said)};
-  return cmocka_run_group_tests(tests, set_up, tear_down);
-}
+TESTS(set_up, tear_down)

@@ -184,7 +184,7 @@ static size_t brightest(const float *picture, size_t pixels) {
   return best;
 }
 
-static void known_voxel_on_known_pixel(void **state) {
+TEST(known_voxel_on_known_pixel) {
   static const int voxels[][3] = {{4, 9, 3}, {0, 0, 0}, {16, 12, 8}, {16, 0, 5}};
   static const int pixels[][2] = {{30, 23}, {11, 37}, {52, 4}};
   for (int at = 0; at < N_PLACINGS; at++)
@@ -223,7 +223,7 @@ static void known_voxel_on_known_pixel(void **state) {
 }
 
 /* Without a centre the volume's own is in the middle, and zoom 1 just fits: corners of the field lie in the edges. */
-static void whole_volume_fits(void **state) {
+TEST(whole_volume_fits) {
   const double index[3] = {8, 6, 4};
   for (int at = 0; at < N_PLACINGS; at++) {
     test_grid grid = grid_of(&placings[at], 17, 13, 9, TC_U16);
@@ -291,7 +291,7 @@ static void check_slice(int m, tc_volume *volume, const tc_scene *scene, tally *
   }
 }
 
-static void slice_is_the_field(void **state) {
+TEST(slice_is_the_field) {
   for (int type = 0; type < TC_VOXEL_TYPE_COUNT; type++)
     EACH_RENDERER(m) {
       tally t = {0};
@@ -320,7 +320,7 @@ static void slice_is_the_field(void **state) {
 }
 
 /* A plane through the very first or last voxels is theirs, whatever rounding says. */
-static void outermost_slices_show(void **state) {
+TEST(outermost_slices_show) {
   for (int at = 0; at < N_PLACINGS; at++) {
     tc_volume *volume = noise_volume(&placings[at], TC_I16, 1);
     for (int axis = 0; axis < 3; axis++)
@@ -422,7 +422,7 @@ static double check_slab(int m, tc_volume *volume, const tc_scene *scene, double
   return worst;
 }
 
-static void slabs_take_their_samples(void **state) {
+TEST(slabs_take_their_samples) {
   static const double thick[] = {0.6, 4, 7.3, 500};
   EACH_RENDERER(m) {
     double worst = 0;
@@ -447,7 +447,7 @@ static void slabs_take_their_samples(void **state) {
 }
 
 /* Fine steps come to the slab's true extremes and mean. */
-static void slabs_come_to_the_truth(void **state) {
+TEST(slabs_come_to_the_truth) {
   const double wavelength = 9;
   EACH_RENDERER(m)
     for (int at = 0; at < N_PLACINGS; at++) {
@@ -467,7 +467,7 @@ static void slabs_come_to_the_truth(void **state) {
 }
 
 /* A slab of the whole volume along an axis is that of its voxels: exact, with no doubt about faces. */
-static void columns_of_voxels(void **state) {
+TEST(columns_of_voxels) {
   tc_volume *volume = noise_volume(&placings[0], TC_U8, 1);
   const uint8_t *voxels = tc_volume_data(volume);
   EACH_RENDERER(m)
@@ -498,7 +498,7 @@ static void columns_of_voxels(void **state) {
 
 /* ---- the window, odd volumes, the rest of the scene ---- */
 
-static void window_maps_to_grey(void **state) {
+TEST(window_maps_to_grey) {
   static const double windows[][2] = {{50, 100}, {30, 10}, {30, 1e-12}, {1e6, 1}, {-1e6, 1}, {50, 1e9}, {0, 1e-300}};
   tc_volume *volume = test_volume(&(test_grid){.dims = {101, 3, 3}, .type = TC_I16, .slope = 0.5, .intercept = -7},
                                   test_linear, (double[4]){1, 0, 0, 0});
@@ -522,7 +522,7 @@ static void window_maps_to_grey(void **state) {
   tc_volume_unref(volume);
 }
 
-static void thin_volumes(void **state) {
+TEST(thin_volumes) {
   static const int dims[][3] = {{1, 1, 1}, {1, 9, 7}, {9, 1, 1}, {5, 7, 1}, {2, 2, 2}, {1, 40, 1}};
   const unsigned seed = 3;
   for (size_t i = 0; i < G_N_ELEMENTS(dims); i++) {
@@ -548,7 +548,7 @@ static void thin_volumes(void **state) {
 }
 
 /* What means nothing to a slice changes nothing, and is not looked at. */
-static void other_members_are_ignored(void **state) {
+TEST(other_members_are_ignored) {
   tc_volume *volume = noise_volume(&placings[4], TC_U16, 1);
   EACH_RENDERER(m) {
     tc_scene scene;
@@ -576,7 +576,7 @@ static void other_members_are_ignored(void **state) {
 }
 
 /* A clip box and plane cut slices where they lie, and a slab's column to what is left: its ends are sampled there. */
-static void clipping_cuts_slices(void **state) {
+TEST(clipping_cuts_slices) {
   tc_volume *volume = noise_volume(&placings[0], TC_U8, 1); /* 19x15x11 mm from the origin */
   EACH_RENDERER(m) {
     tc_scene scene;
@@ -610,7 +610,7 @@ static void clipping_cuts_slices(void **state) {
   tc_volume_unref(volume);
 }
 
-static void plan_names_what_runs(void **state) {
+TEST(plan_names_what_runs) {
   tc_volume *volume = noise_volume(&placings[0], TC_U16, 1);
   static const char *const names[] = {"mpr.slice.linear.u16.", "mpr.mip.nearest.u16.", "mpr.minip.linear.u16.",
                                       "mpr.average.nearest.u16."};
@@ -646,7 +646,7 @@ static void expect_refused(tc_volume *volume, const tc_scene *scene, int code, c
   g_error_free(error);
 }
 
-static void refusals_point_at_members(void **state) {
+TEST(refusals_point_at_members) {
   tc_volume *volume = noise_volume(&placings[0], TC_U8, 1);
   tc_scene s, good;
   scene_of(&good, TC_OBLIQUE, 0, 255);
@@ -676,7 +676,7 @@ static void refusals_point_at_members(void **state) {
 }
 
 /* The oblique plane that a new scene holds is the axial one. */
-static void default_oblique_is_axial(void **state) {
+TEST(default_oblique_is_axial) {
   tc_volume *volume = noise_volume(&placings[6], TC_U16, 1);
   tc_scene scene;
   test_scene(&scene, WIDTH, HEIGHT);
@@ -692,7 +692,7 @@ static void default_oblique_is_axial(void **state) {
   tc_volume_unref(volume);
 }
 
-static void threads_change_nothing(void **state) {
+TEST(threads_change_nothing) {
   tc_volume *volume = noise_volume(&placings[4], TC_U16, 1);
   tc_renderer *one = tc_renderer_new(&(tc_renderer_options){.backend = TC_BACKEND_CPU, .threads = 1}, NULL);
   tc_renderer *three = tc_renderer_new(&(tc_renderer_options){.backend = TC_BACKEND_CPU, .threads = 3}, NULL);
@@ -731,7 +731,7 @@ static tc_volume *colored(int side, const uint8_t (*planes)[3]) {
   return v;
 }
 
-static void volumes_of_colours_are_drawn_in_them(void **state) {
+TEST(volumes_of_colours_are_drawn_in_them) {
   static const uint8_t planes[5][3] = {{0, 0, 0}, {255, 0, 0}, {12, 200, 99}, {1, 2, 3}, {255, 255, 255}};
   tc_volume *v = colored(5, planes);
   for (int slab = 0; slab < 2; slab++)
@@ -758,7 +758,7 @@ static void volumes_of_colours_are_drawn_in_them(void **state) {
 }
 
 /* More colours than labels: none is farther off than five bits a channel leave it. */
-static void many_colours_stay_near(void **state) {
+TEST(many_colours_stay_near) {
   enum { SIDE = 36 };
   tc_volume_desc d = {.dims = {SIDE, SIDE, SIDE}, .type = TC_U8, .spacing = {1, 1, 1}, .direction = {1, 0, 0, 0, 1, 0, 0, 0, 1}, .slope = 1};
   tc_volume *v = tc_volume_new(&d, NULL);
@@ -783,12 +783,4 @@ static void many_colours_stay_near(void **state) {
   tc_volume_unref(v);
 }
 
-int main(void) {
-  const struct CMUnitTest tests[] = {TEST(known_voxel_on_known_pixel), TEST(whole_volume_fits),
-    TEST(slice_is_the_field), TEST(outermost_slices_show), TEST(slabs_take_their_samples),
-    TEST(slabs_come_to_the_truth), TEST(columns_of_voxels), TEST(window_maps_to_grey), TEST(thin_volumes),
-    TEST(clipping_cuts_slices), TEST(other_members_are_ignored), TEST(plan_names_what_runs),
-    TEST(refusals_point_at_members), TEST(default_oblique_is_axial), TEST(threads_change_nothing),
-    TEST(volumes_of_colours_are_drawn_in_them), TEST(many_colours_stay_near)};
-  return cmocka_run_group_tests(tests, test_renderers_open, test_renderers_close);
-}
+TESTS(test_renderers_open, test_renderers_close)

@@ -48,7 +48,7 @@ static tc_renderer *open_variant(const char *isa) {
   return r;
 }
 
-static void neighbourhoods_and_gathers_draw_the_same_bits(void **unused) {
+TEST(neighbourhoods_and_gathers_draw_the_same_bits) {
   static const tc_render_request linear = {.want_linear = true};
   tc_renderer *variants[2] = {open_variant("avx512-gather"), open_variant("avx512")};
   tc_frame frames[2] = {{0}};
@@ -74,7 +74,7 @@ static void neighbourhoods_and_gathers_draw_the_same_bits(void **unused) {
 }
 
 /* The chosen one is a variant of the best instruction set. */
-static void the_faster_variant_is_chosen_at_start(void **unused) {
+TEST(the_faster_variant_is_chosen_at_start) {
   tc_renderer *chosen = open_variant(NULL), *widest = open_variant("avx512");
   const char *name = tc_renderer_about(chosen)->isa;
   printf("  chosen: %s\n", name);
@@ -83,8 +83,4 @@ static void the_faster_variant_is_chosen_at_start(void **unused) {
   tc_renderer_free(widest);
 }
 
-int main(void) {
-  const struct CMUnitTest tests[] = {TEST(neighbourhoods_and_gathers_draw_the_same_bits),
-    TEST(the_faster_variant_is_chosen_at_start)};
-  return cmocka_run_group_tests(tests, NULL, NULL);
-}
+TESTS(NULL, NULL)

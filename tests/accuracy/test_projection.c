@@ -47,7 +47,7 @@ static tc_volume *wave_volume(tc_voxel_type type, double slope) {
 
 /* The field has kinks at cell faces, and extrema sit on them: one found between samples is off in proportion to the
  * step, a third of what the greatest sample alone is off (1.1e-2 at step 1). The trapezoids of the mean fall with its square. Bounds: 1.5 times what was measured. */
-static void close_to_reference(void **state) {
+TEST(close_to_reference) {
   static const double steps[] = {1, 0.5, 0.25, 0.125};
   static const double bounds[3][4] = {
       {7.1e-3, 2.9e-3, 2.9e-3, 5.8e-4}, {7.1e-3, 2.9e-3, 2.9e-3, 5.8e-4}, {4.6e-3, 1e-3, 2.8e-4, 6e-5}};
@@ -102,7 +102,7 @@ static void close_to_reference(void **state) {
 }
 
 /* Values stored upside down give the same picture as values stored upright: mip stays the maximum of values. */
-static void inverted_slope(void **state) {
+TEST(inverted_slope) {
   for (int m = 0; m < 3; m++)
     for (int type = 0; type < TC_VOXEL_TYPE_COUNT; type++) {
       tc_volume *upright = wave_volume((tc_voxel_type)type, 1), *inverted = wave_volume((tc_voxel_type)type, -1);
@@ -130,7 +130,7 @@ static void inverted_slope(void **state) {
 
 /* A ray straight through a ramp: extrema at its two ends, the last of which no whole step reaches; the mean in the
  * middle. */
-static void closed_forms(void **state) {
+TEST(closed_forms) {
   tc_volume *volume =
       test_volume(&(test_grid){.dims = {12, 9, 9}, .type = TC_F32}, test_linear, (double[4]){10, 0, 0, -20});
   tc_scene scene;
@@ -163,7 +163,7 @@ static void closed_forms(void **state) {
 
 /* ---- shapes and numbers at the edge ---- */
 
-static void thin_volumes(void **state) {
+TEST(thin_volumes) {
   static const int dims[][3] = {{1, 1, 1}, {1, 9, 1}, {7, 1, 1}, {1, 1, 12},
                                 {5, 6, 1}, {1, 4, 3}, {2, 2, 2}, {3, 12, 2}};
   unsigned seed = 3;
@@ -198,7 +198,7 @@ static void thin_volumes(void **state) {
 }
 
 /* A constant field is exact, windows at either side of it black or white, and windows of any width finite. */
-static void constants_and_extreme_windows(void **state) {
+TEST(constants_and_extreme_windows) {
   const double value = 100;
   tc_volume *volume = test_volume(&(test_grid){.dims = {20, 15, 300}, .type = TC_I16}, test_constant, &value);
   tc_volume *huge = test_volume(&(test_grid){.dims = {9, 9, 9}, .type = TC_F32, .slope = 1e-9}, test_constant, &value);
@@ -232,7 +232,7 @@ static void constants_and_extreme_windows(void **state) {
 /* Clipped, a projection is that of what is left of each ray. */
 /* In linear light each ray's grey is decoded before the mean of a pixel's rays: at an edge too, colour is opacity times
  * the light. */
-static void edges_in_linear_light(void **state) {
+TEST(edges_in_linear_light) {
   tc_volume *volume = test_volume(&(test_grid){.dims = {9, 8, 7}, .type = TC_F32}, test_constant, &(double){0.5});
   for (int m = 0; m < 3; m++)
     EACH_RENDERER(i) {
@@ -257,7 +257,7 @@ static void edges_in_linear_light(void **state) {
   tc_volume_unref(volume);
 }
 
-static void clipped(void **state) {
+TEST(clipped) {
   tc_volume *volume = wave_volume(TC_F32, 1);
   for (int m = 0; m < 3; m++) {
     tc_scene scene;
@@ -350,7 +350,7 @@ static void random_scene(tc_scene *s, const tc_volume *v, int trial, uint64_t *s
   s->image.transparent = trial % 4 == 2;
 }
 
-static void skipping_changes_no_bit(void **state) {
+TEST(skipping_changes_no_bit) {
   EACH_RENDERER(r) {
     uint64_t with = 0, without = 0, seeds = 7;
     int skipped = 0, shown = 0, trials = r == GL ? 60 : 150;
@@ -396,7 +396,7 @@ static double combs(double x, double y, double z, const void *context) {
 }
 
 /* Which of equal samples is looked around does not depend on which interval was guessed to be the best. */
-static void first_of_equals(void **state) {
+TEST(first_of_equals) {
   test_grid grid = {.dims = {8, 8, 96}, .type = TC_U8, .spacing = {1, 1, 1}, .slope = 1};
   tc_volume *v = test_volume(&grid, combs, NULL);
   tc_scene s;
@@ -421,7 +421,7 @@ static void first_of_equals(void **state) {
 }
 
 /* On volumes with much between which little is bright it pays: samples as they were measured, with a margin. */
-static void skipping_pays(void **state) {
+TEST(skipping_pays) {
   const char *data = getenv("TC_DATA");
   char path[512];
   tc_volume *v = NULL;
@@ -455,7 +455,7 @@ static void skipping_pays(void **state) {
 
 /* ---- the plan ---- */
 
-static void plan_leaves_out(void **state) {
+TEST(plan_leaves_out) {
   tc_volume *volume = wave_volume(TC_U16, 1);
   tc_scene scene;
   test_scene(&scene, 16, 16);
@@ -500,7 +500,7 @@ static void expect_refused(const tc_volume *volume, const tc_scene *scene, int c
   g_clear_error(&error);
 }
 
-static void refusals(void **state) {
+TEST(refusals) {
   tc_volume *volume = wave_volume(TC_U8, 1);
   const double widths[] = {0, -1, NAN, INFINITY}, centers[] = {NAN, -INFINITY};
   for (int m = 0; m < 3; m++) {
@@ -532,10 +532,4 @@ static void refusals(void **state) {
   tc_volume_unref(volume);
 }
 
-int main(void) {
-  const struct CMUnitTest tests[] = {TEST(closed_forms), TEST(close_to_reference), TEST(inverted_slope),
-    TEST(thin_volumes), TEST(constants_and_extreme_windows), TEST(skipping_changes_no_bit),
-    TEST(edges_in_linear_light), TEST(first_of_equals), TEST(clipped), TEST(skipping_pays), TEST(plan_leaves_out),
-    TEST(refusals)};
-  return cmocka_run_group_tests(tests, test_renderers_open, test_renderers_close);
-}
+TESTS(test_renderers_open, test_renderers_close)

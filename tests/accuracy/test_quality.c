@@ -274,7 +274,7 @@ static void follow(path *p, double bound, tally *t) {
   if (there_is) assert_true(promised == p->n || with.step < 0.1); /* what can be held is promised */
 }
 
-static void bounds_hold_at_little_cost(void **state) {
+TEST(bounds_hold_at_little_cost) {
   bool all = getenv("TC_LONG") != NULL;
   tally t = {0};
   for (int l = 0; l < (all ? LOOKS : SHORT_LOOKS); l++) {
@@ -358,7 +358,7 @@ static double choose_in_time(path *p, double step, int *second) {
   return rms / least;
 }
 
-static void a_time_gets_about_the_least_error(void **state) {
+TEST(a_time_gets_about_the_least_error) {
   static const look of[] = {{.volume = "demo:bucky"},
                             {.volume = "demo:head", .thin = 0.2},
                             {.volume = "demo:marschner-lobb"},
@@ -428,7 +428,7 @@ static int frames_late(path *p, int way, double *used) {
   return late;
 }
 
-static void a_time_holds_while_the_camera_moves(void **state) {
+TEST(a_time_holds_while_the_camera_moves) {
   static const char *const volumes[] = {"demo:head", "demo:vessels", "demo:bucky"};
   static const char *const ways[] = {"turns", "zooms", "jumps"};
   int all = 0, over = 0;
@@ -449,8 +449,4 @@ static void a_time_holds_while_the_camera_moves(void **state) {
   assert_true(over <= all / 20);
 }
 
-int main(void) {
-  const struct CMUnitTest tests[] = {TEST(bounds_hold_at_little_cost), TEST(a_time_gets_about_the_least_error),
-                                     TEST(a_time_holds_while_the_camera_moves)};
-  return cmocka_run_group_tests(tests, set_up, tear_down);
-}
+TESTS(set_up, tear_down)

@@ -76,7 +76,7 @@ typedef struct bounds {
 
 /* ---- closed forms ---- */
 
-static void homogeneous_slab(void **state) {
+TEST(homogeneous_slab) {
   for (int type = 0; type < TC_VOXEL_TYPE_COUNT; type++) {
     tc_volume *volume = slab((tc_voxel_type)type, 100, 0);
     for (size_t s = 0; s < G_N_ELEMENTS(steps); s++)
@@ -98,7 +98,7 @@ static void homogeneous_slab(void **state) {
 }
 
 /* tau = k s / 11, s from 0 to 11 along the ray; colour constant in blue, proportional to s in green. */
-static void linear_ramp(void **state) {
+TEST(linear_ramp) {
   tc_volume *volume = slab(TC_F32, 0, 1);
   for (size_t s = 0; s < G_N_ELEMENTS(steps); s++)
     for (double k = 1e-4; k < 2; k *= 10) {
@@ -122,7 +122,7 @@ static void linear_ramp(void **state) {
 }
 
 /* So many segments that each takes less than one part in 2^24 of the light: none may be lost. */
-static void thin_media(void **state) {
+TEST(thin_media) {
   tc_volume *volume = test_volume(&(test_grid){.dims = {2048, 3, 3}, .type = TC_U8}, test_constant, &(double){100});
   for (double tau = 1e-8; tau < 2e-2; tau *= 10)
     for (double step = 2; step > 0.01; step /= 8) {
@@ -152,7 +152,7 @@ static tc_volume *waves(tc_voxel_type type, const double spacing[3], const doubl
   return test_volume(&grid, test_waves, &(double){20});
 }
 
-static void voxel_types(void **state) {
+TEST(voxel_types) {
   static const bounds allowed = {{1.1e-4, 6.5e-4, 9.5e-3}, {1.9e-3, 4.4e-3, 7e-2}};
   for (int type = 0; type < TC_VOXEL_TYPE_COUNT; type++) {
     tc_volume *volume = waves((tc_voxel_type)type, NULL, NULL);
@@ -173,7 +173,7 @@ static void voxel_types(void **state) {
 
 static const double sheared[9] = {0.8, -0.6, 0, 0.6, 0.8, -0.25881904510252074, 0, 0, 0.9659258262890683};
 
-static void views(void **state) {
+TEST(views) {
   static const struct {
     const char *name;
     double spacing[3];
@@ -198,7 +198,7 @@ static void views(void **state) {
 }
 
 /* Inside, on a face, on a corner, very far, very narrow, very wide. */
-static void eyes(void **state) {
+TEST(eyes) {
   tc_volume *volume = waves(TC_I16, NULL, NULL);
   static const struct {
     const char *name;
@@ -239,7 +239,7 @@ static void demo(const char *name, const tc_knot *knots, size_t n_knots, const d
   tc_volume_unref(volume);
 }
 
-static void demos(void **state) {
+TEST(demos) {
   static const tc_knot head[] = {{.value = -500, .color = {0.8, 0.5, 0.4}, .amount = 0},
                                  {.value = -100, .color = {0.9, 0.6, 0.5}, .amount = 0.02},
                                  {.value = 90, .color = {0.7, 0.2, 0.2}, .amount = 0.01},
@@ -257,7 +257,7 @@ static void demos(void **state) {
 }
 
 /* Step opacity on a ball: what a hard edge costs. */
-static void ball(void **state) {
+TEST(ball) {
   static const bounds allowed = {{8e-5, 3.5e-4, 8e-3}, {1.8e-3, 4.2e-3, 9.5e-2}};
   tc_volume *volume =
       test_volume(&(test_grid){.dims = {33, 33, 33}, .type = TC_F32}, test_radius2, (double[3]){16, 16, 16});
@@ -281,7 +281,7 @@ static void ball(void **state) {
 /* Pre-integration treats the field as linear along a segment: its error is O(step^2) on a smooth scene. The field's
  * wavelength is 80 voxels, steps 8 .. 1 voxels; extinction and colour are linear in the value, so that the table's own
  * error (measured by the constant 1e-6 of the ramp test) stays an order below the finest step's. */
-static void observed_order(void **state) {
+TEST(observed_order) {
   tc_volume *volume = test_volume(&(test_grid){.dims = {64, 64, 64}, .type = TC_F32}, test_waves, &(double){80});
   tc_knot knots[] = {{.value = 0, .color = {0.2, 0.4, 1}, .amount = 0},
                      {.value = 1, .color = {1, 0.5, 0}, .amount = 0.08}};
@@ -305,7 +305,7 @@ static void observed_order(void **state) {
 
 /* ---- contracts ---- */
 
-static void early_termination(void **state) {
+TEST(early_termination) {
   static const double thresholds[] = {0.001, 0.01, 0.1};
   tc_volume *volume = waves(TC_U8, NULL, NULL);
   tc_knot knots[] = {{.value = 0.2, .color = {1, 1, 0.5}, .amount = 0},
@@ -337,7 +337,7 @@ static double block(double x, double y, double z, const void *unused) {
   return x >= 4 && x <= 8 && y >= 4 && y <= 8 && z >= 4 && z <= 8 ? 200 : 0;
 }
 
-static void opaque_colour_is_exact(void **state) {
+TEST(opaque_colour_is_exact) {
   tc_volume *volume = test_volume(&(test_grid){.dims = {13, 13, 13}, .type = TC_U8}, block, NULL);
   for (int variant = 0; variant < 16; variant++) {
     tc_knot knots[] = {{.value = 0, .color = {1, 0, 0}, .amount = 0},
@@ -368,7 +368,7 @@ static void opaque_colour_is_exact(void **state) {
   tc_volume_unref(volume);
 }
 
-static void threads_make_no_difference(void **state) {
+TEST(threads_make_no_difference) {
   static const int counts[] = {1, 2, 3, 5};
   tc_volume *volume = waves(TC_U16, NULL, NULL);
   tc_scene scene = knots_scene(131, 97, TC_KNOT_EXTINCTION, test_soft, G_N_ELEMENTS(test_soft));
@@ -447,7 +447,7 @@ static void check_invariants(const char *what, tc_volume *volume, const tc_scene
   }
 }
 
-static void not_finite_voxels(void **state) {
+TEST(not_finite_voxels) {
   static const float odd[] = {NAN, INFINITY, -INFINITY, FLT_MAX, -FLT_MAX, FLT_MIN, 0x1p-149f};
   for (int all = 0; all < 2; all++)
     for (size_t o = 0; o < G_N_ELEMENTS(odd); o++) {
@@ -473,7 +473,7 @@ static void not_finite_voxels(void **state) {
 }
 
 /* Value ranges of 0, of one unit in the last place, of 2^32; rescale slopes of both signs and sizes. */
-static void ranges_and_slopes(void **state) {
+TEST(ranges_and_slopes) {
   static const struct {
     const char *name;
     float a, b;
@@ -506,7 +506,7 @@ static void ranges_and_slopes(void **state) {
 }
 
 /* A peak one value wide in 16-bit data: seen, with the right strength, by every step. */
-static void one_value_peak(void **state) {
+TEST(one_value_peak) {
   tc_volume *volume =
       test_volume(&(test_grid){.dims = {12, 9, 9}, .type = TC_U16}, test_linear, (double[4]){5900, 0, 0, 100});
   for (double at = 20000; at < 20003; at += 0.7) {
@@ -531,7 +531,7 @@ static double ramp_in_wide_range(double x, double y, double z, const void *slope
   return x + y + z == 27 ? 65535 : 20000 + *(const double *)slope * (x - 5.37);
 }
 
-static void peak_in_wide_range(void **state) {
+TEST(peak_in_wide_range) {
   static const double slopes[] = {2, 10, 64, 900};
   static const double most[3][4] = {
       {5e-3, 6e-5, 3e-5, 1e-6}, {1e-4, 1.2e-5, 1e-5, 6e-6}, {1.2e-5, 1e-5, 2e-6, 1.5e-5}};
@@ -563,7 +563,7 @@ static void peak_in_wide_range(void **state) {
     }
 }
 
-static void shapes_and_sizes(void **state) {
+TEST(shapes_and_sizes) {
   static const int shapes[][3] = {{1, 1, 1}, {1, 9, 1}, {7, 1, 5}, {2, 2, 2}, {2048, 2, 1}, {1, 1, 2048}};
   static const int pictures[][2] = {{1, 1}, {8192, 1}, {1, 300}, {33, 17}};
   for (size_t s = 0; s < G_N_ELEMENTS(shapes); s++)
@@ -587,7 +587,7 @@ static void shapes_and_sizes(void **state) {
 }
 
 /* Many knots, steps of 1e-3 and 1e3 voxels, nothing to see, all opaque. */
-static void odd_transfer_functions(void **state) {
+TEST(odd_transfer_functions) {
   tc_volume *volume = waves(TC_U16, NULL, NULL);
   tc_knot *many = calloc(TC_MAX_KNOTS, sizeof *many);
   uint64_t seed = 11;
@@ -624,10 +624,4 @@ static void odd_transfer_functions(void **state) {
   tc_volume_unref(volume);
 }
 
-int main(void) {
-  const struct CMUnitTest tests[] = {TEST(homogeneous_slab), TEST(linear_ramp), TEST(thin_media), TEST(voxel_types),
-    TEST(views), TEST(eyes), TEST(demos), TEST(ball), TEST(observed_order), TEST(early_termination),
-    TEST(opaque_colour_is_exact), TEST(threads_make_no_difference), TEST(not_finite_voxels), TEST(ranges_and_slopes),
-    TEST(one_value_peak), TEST(peak_in_wide_range), TEST(shapes_and_sizes), TEST(odd_transfer_functions)};
-  return cmocka_run_group_tests_name("raycast", tests, test_renderers_open, test_renderers_close);
-}
+TESTS(test_renderers_open, test_renderers_close)

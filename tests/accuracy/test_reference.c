@@ -39,7 +39,7 @@ static tc_scene knots_scene(tc_knot_kind kind, const tc_knot *knots, size_t coun
 
 /* ---- closed forms ---- */
 
-static void homogeneous_slab(void **state) {
+TEST(homogeneous_slab) {
   double worst = 0, worst_relative = 0;
   tc_volume *volume = slab(0.5, 0);
   for (int e = -13; e <= 12; e++) {
@@ -70,7 +70,7 @@ static void homogeneous_slab(void **state) {
 }
 
 /* tau = k s with s from 0 to 10 along x; colour constant, or proportional to s. */
-static void linear_ramp(void **state) {
+TEST(linear_ramp) {
   tc_volume *volume = slab(0, 1);
   double worst = 0, worst_color = 0, worst_inner = 0;
   for (double k = 1e-6; k < 1e9; k *= 10) {
@@ -100,7 +100,7 @@ static void linear_ramp(void **state) {
 }
 
 /* tau constant, colour linear in depth: closed form; the field rises along x as seen from both sides. */
-static void linear_color(void **state) {
+TEST(linear_color) {
   tc_volume *volume = slab(0, 1);
   double worst = 0;
   for (double tau = 1e-6; tau < 1e13; tau *= 10) {
@@ -121,7 +121,7 @@ static void linear_color(void **state) {
 
 /* Opacity (not extinction) linear from 0 to 1 over the slab: D = int -ln(1-u) du * 10/unit = 10/unit, but for the
  * clamp. */
-static void opacity_ramp(void **state) {
+TEST(opacity_ramp) {
   tc_volume *volume = slab(0, 1);
   double worst = 0;
   for (double unit = 0.1; unit < 1e4; unit *= 10) {
@@ -139,7 +139,7 @@ static void opacity_ramp(void **state) {
 }
 
 /* Jumps: two knots at one value; a peak as narrow as the field allows. */
-static void jumps_and_peaks(void **state) {
+TEST(jumps_and_peaks) {
   tc_volume *volume = slab(0, 1);
   double rgba[4], worst = 0;
   for (double tau = 1e-3; tau < 1e13; tau *= 10) {
@@ -159,7 +159,7 @@ static void jumps_and_peaks(void **state) {
 }
 
 /* A Gaussian of tau over a linear field through n knots; D tends to a difference of erf. */
-static void gaussian(void **state) {
+TEST(gaussian) {
   tc_volume *volume = slab(0, 1);
   double sigma = 0.7, height = 2.5, error[2],
          exact = height * sigma * sqrt(2 * M_PI) * 0.5 * (erf(5 / (sigma * M_SQRT2)) - erf(-5 / (sigma * M_SQRT2)));
@@ -189,7 +189,7 @@ static void gaussian(void **state) {
 
 /* A ball, as a step in squared distance. Trilinear interpolation of r^2 is too large by at most 3/4 voxel^2, so the
  * chord comes out short by O(voxel^2) and better by 4 per halving of the voxels. */
-static void ball_chord(void **state) {
+TEST(ball_chord) {
   double error[3], radius = 10, tau = 0.05;
   for (int level = 0; level < 3; level++) {
     int cells = 24 << level;
@@ -383,7 +383,7 @@ static void against_oracle(const char *what, tc_volume *volume, tc_scene *scene,
 static const double sheared[9] = {0.8, -0.6, 0, 0.6, 0.8, -0.25881904510252074, 0, 0, 0.9659258262890683};
 
 /* Random voxels, random oblique rays, stiff transfer functions; all voxel types, anisotropic and sheared. */
-static void stiff_random_rays(void **state) {
+TEST(stiff_random_rays) {
   uint64_t seed = 77;
   for (int i = 0; i < 12; i++) {
     unsigned noise_seed = (unsigned)i;
@@ -421,7 +421,7 @@ static void stiff_random_rays(void **state) {
 }
 
 /* Degenerate grids, and an eye inside. */
-static void thin_volumes(void **state) {
+TEST(thin_volumes) {
   const int shapes[][3] = {{1, 1, 1}, {1, 7, 1}, {9, 1, 4}, {2, 2, 2}, {2048, 1, 1}};
   for (size_t i = 0; i < G_N_ELEMENTS(shapes); i++) {
     unsigned noise_seed = 9;
@@ -449,7 +449,7 @@ static void thin_volumes(void **state) {
 
 /* ---- consistency with itself ---- */
 
-static void tolerance_sweep(void **state) {
+TEST(tolerance_sweep) {
   unsigned noise_seed = 3;
   tc_volume *volume = test_volume(&(test_grid){.dims = {9, 9, 9}, .type = TC_F32}, test_noise, &noise_seed);
   tc_knot knots[] = {{.value = 0, .color = {0, 0, 0}, .amount = 0},
@@ -480,7 +480,7 @@ static void tolerance_sweep(void **state) {
 }
 
 /* The same of what else there is along a ray: each a field, a light or an end of its own. */
-static void tolerance_sweep_of_kinds(void **state) {
+TEST(tolerance_sweep_of_kinds) {
   static const char *const kinds[] = {"cubic", "prefiltered", "shaded", "clipped"};
   enum { RAYS = 8, EXPONENTS = 8 };
   unsigned noise_seed = 3;
@@ -520,7 +520,7 @@ static void tolerance_sweep_of_kinds(void **state) {
 }
 
 /* A pixel's ray by the camera's definition, written out: the same pixel as a picture of its own. */
-static void camera_rays(void **state) {
+TEST(camera_rays) {
   unsigned noise_seed = 4;
   test_grid grid = {.dims = {9, 8, 7}, .type = TC_I16, .slope = 1e-3, .spacing = {1, 2, 1.3}, .origin = {10, 20, -30}};
   memcpy(grid.direction, sheared, sizeof sheared);
@@ -558,7 +558,7 @@ static void camera_rays(void **state) {
 }
 
 /* An eye further and further away must not change an orthographic picture. */
-static void far_eye(void **state) {
+TEST(far_eye) {
   unsigned noise_seed = 4;
   tc_volume *volume = test_volume(&(test_grid){.dims = {9, 9, 9}, .type = TC_F32}, test_noise, &noise_seed);
   tc_knot knots[] = {{.value = 0.1, .color = {1, 0, 0}, .amount = 0}, {.value = 0.9, .color = {0, 1, 1}, .amount = 3}};
@@ -576,7 +576,7 @@ static void far_eye(void **state) {
   tc_volume_unref(volume);
 }
 
-static void verbose_pixel(void **state) {
+TEST(verbose_pixel) {
   unsigned noise_seed = 8;
   tc_volume *volume = test_volume(&(test_grid){.dims = {6, 6, 6}, .type = TC_F32}, test_noise, &noise_seed);
   tc_knot knots[] = {{.value = 0.3, .color = {1, 0, 0}, .amount = 0},
@@ -616,7 +616,7 @@ static void verbose_pixel(void **state) {
   tc_volume_unref(volume);
 }
 
-static void image_by_threads(void **state) {
+TEST(image_by_threads) {
   GError *error = NULL;
   tc_volume *volume = tc_volume_demo("marschner-lobb", &error);
   if (!volume) fail_msg("%s", error->message);
@@ -653,7 +653,7 @@ static void expect_refused(tc_volume *volume, const tc_scene *scene, int code, c
   g_clear_error(&error);
 }
 
-static void refusals(void **state) {
+TEST(refusals) {
   tc_volume *volume = slab(0, 1);
   tc_knot knot = {.value = 0, .amount = 1};
   tc_scene scene = knots_scene(TC_KNOT_EXTINCTION, &knot, 1);
@@ -692,10 +692,4 @@ static void refusals(void **state) {
   tc_volume_unref(volume);
 }
 
-int main(void) {
-  const struct CMUnitTest tests[] = {TEST(homogeneous_slab), TEST(linear_ramp), TEST(linear_color),
-    TEST(opacity_ramp), TEST(jumps_and_peaks), TEST(gaussian), TEST(ball_chord), TEST(stiff_random_rays),
-    TEST(thin_volumes), TEST(tolerance_sweep), TEST(camera_rays), TEST(far_eye), TEST(verbose_pixel),
-    TEST(image_by_threads), TEST(refusals), TEST(tolerance_sweep_of_kinds)};
-  return cmocka_run_group_tests_name("reference", tests, NULL, NULL);
-}
+TESTS(NULL, NULL)

@@ -48,7 +48,7 @@ static void pixel_at(const float *image, double x, double y, double rgba[4]) {
 
 /* ---- agreement ---- */
 
-static void everyone_agrees(void **state) {
+TEST(everyone_agrees) {
   double worst[RENDERERS] = {0}, sum[RENDERERS] = {0};
   size_t ties = 0, compared = 0;
   for (int type = 0; type < TC_VOXEL_TYPE_COUNT; type++)
@@ -89,7 +89,7 @@ static void everyone_agrees(void **state) {
   assert_true((double)ties <= 1e-3 * (double)compared);
 }
 
-static void energy_is_bounded(void **state) {
+TEST(energy_is_bounded) {
   tc_volume *volume = waves(TC_F32, 1);
   for (int model = TC_SHADING_LAMBERT; model < TC_SHADING_COUNT; model++) {
     tc_scene scene;
@@ -110,7 +110,7 @@ static void energy_is_bounded(void **state) {
 
 /* ---- the reference is the limit ---- */
 
-static void converges(void **state) {
+TEST(converges) {
   tc_volume *volume = waves(TC_F32, 1);
   for (int model = TC_SHADING_LAMBERT; model < TC_SHADING_COUNT; model++)
     for (int fixed = 0; fixed < 2; fixed++) {
@@ -215,7 +215,7 @@ static void check_ball(const char *what, tc_volume *volume, const double center[
     }
 }
 
-static void analytic_ball(void **state) {
+TEST(analytic_ball) {
   test_grid grid = even;
   const double center[3] = {16, 16, 16};
   tc_volume *volume = ball_on(&grid, center);
@@ -228,7 +228,7 @@ static void analytic_ball(void **state) {
 }
 
 /* The same ball on grids with other spacings and axes: the same picture. */
-static void spacing_and_shear(void **state) {
+TEST(spacing_and_shear) {
   const double center[3] = {16, 16, 16}, c = cos(0.3), s = sin(0.3);
   test_grid tall = even, sheared = even, turned = even;
   tall.dims[0] = 257, tall.dims[2] = 161;
@@ -254,7 +254,7 @@ static void spacing_and_shear(void **state) {
 
 /* On voxels of a twelfth of the radius a ball shows its cells, unless gradients are continuous; and what is shaded is
  * counted, nothing where shading is off. */
-static void smooth_gradients_show_no_cells(void **state) {
+TEST(smooth_gradients_show_no_cells) {
   test_grid grid = {
       .dims = {33, 33, 33}, .type = TC_F32, .spacing = {1, 1, 1}, .direction = {1, 0, 0, 0, 1, 0, 0, 0, 1}};
   const double center[3] = {16, 16, 16};
@@ -299,7 +299,7 @@ static void smooth_gradients_show_no_cells(void **state) {
   tc_volume_unref(volume);
 }
 
-static void light_turns_the_bright_side(void **state) {
+TEST(light_turns_the_bright_side) {
   test_grid grid = even;
   const double center[3] = {16, 16, 16};
   tc_volume *volume = ball_on(&grid, center);
@@ -323,7 +323,7 @@ static void light_turns_the_bright_side(void **state) {
 
 /* ---- leaving out ---- */
 
-static void leaping_changes_no_bit(void **state) {
+TEST(leaping_changes_no_bit) {
   static const tc_knot sparse[] = {{.value = 0.7, .color = {0.1, 0.2, 1}, .amount = 0},
                                    {.value = 0.8, .color = {1, 0.9, 0.4}, .amount = 0.5}};
   float *whole = calloc(PIXELS, 16);
@@ -383,7 +383,7 @@ static double light_shows(int which, tc_volume *volume, double *least) {
 
 /* A field without slope, and one whose noise has less slope than the threshold, are as if unshaded; more noise is
  * not. */
-static void flat_is_unshaded(void **state) {
+TEST(flat_is_unshaded) {
   const double quiet = 1e-3, loud = 0.05;
   tc_volume *volumes[] = {test_volume(&(test_grid){.dims = {256, 9, 9}, .type = TC_F32}, test_constant, &(double){0.5}),
                           test_volume(&(test_grid){.dims = {1024, 9, 9}, .type = TC_F32}, grainy, &quiet),
@@ -399,7 +399,7 @@ static void flat_is_unshaded(void **state) {
 }
 
 /* The order that segments are met in does not matter to their light. */
-static void back_to_front_is_lit_alike(void **state) {
+TEST(back_to_front_is_lit_alike) {
   tc_volume *volume = waves(TC_U16, 1);
   for (int gradient = 0; gradient < TC_GRADIENT_COUNT; gradient++) {
     tc_scene scene;
@@ -422,7 +422,7 @@ static void back_to_front_is_lit_alike(void **state) {
 
 /* The cubic filter is lit by its own derivative, whatever gradient is asked for; with coefficients by that of what they
  * make. */
-static void cubic_filter_has_its_own(void **state) {
+TEST(cubic_filter_has_its_own) {
   tc_volume *volume = waves(TC_U16, 1);
   for (int prefilter = 0; prefilter < 2; prefilter++) {
     tc_scene scene;
@@ -444,7 +444,7 @@ static void cubic_filter_has_its_own(void **state) {
   tc_volume_unref(volume);
 }
 
-static void plan_says_what_is_in(void **state) {
+TEST(plan_says_what_is_in) {
   tc_volume *volume = waves(TC_U16, 1);
   tc_explanation plan;
   for (int model = TC_SHADING_NONE; model < TC_SHADING_COUNT; model++) {
@@ -474,7 +474,7 @@ static void refused(tc_volume *volume, const tc_scene *scene, const char *pointe
   g_clear_error(&error);
 }
 
-static void nonsense_is_refused(void **state) {
+TEST(nonsense_is_refused) {
   tc_volume *volume = waves(TC_U8, 1);
   tc_scene scene;
   shaded_scene(&scene, volume, TC_SHADING_BLINN_PHONG, soft, 3);
@@ -494,7 +494,7 @@ static void nonsense_is_refused(void **state) {
 }
 
 /* One voxel along an axis, values near the ends of single precision, light straight from behind: finite everywhere. */
-static void odd_volumes(void **state) {
+TEST(odd_volumes) {
   const int dims[][3] = {{1, 1, 1}, {1, 9, 9}, {9, 1, 9}, {9, 9, 1}, {2, 2, 2}};
   for (size_t d = 0; d < G_N_ELEMENTS(dims); d++)
     for (int e = -28; e <= 28; e += 28) {
@@ -521,11 +521,4 @@ static void odd_volumes(void **state) {
     }
 }
 
-int main(void) {
-  const struct CMUnitTest tests[] = {TEST(everyone_agrees), TEST(energy_is_bounded), TEST(converges),
-    TEST(analytic_ball), TEST(spacing_and_shear), TEST(smooth_gradients_show_no_cells),
-    TEST(light_turns_the_bright_side), TEST(leaping_changes_no_bit), TEST(flat_is_unshaded),
-    TEST(back_to_front_is_lit_alike), TEST(cubic_filter_has_its_own), TEST(plan_says_what_is_in),
-    TEST(nonsense_is_refused), TEST(odd_volumes)};
-  return cmocka_run_group_tests(tests, test_renderers_open, test_renderers_close);
-}
+TESTS(test_renderers_open, test_renderers_close)

@@ -67,7 +67,7 @@ static void render(tc_renderer *r, tc_volume *v, const tc_scene *s, tc_frame *f)
   if (!tc_render(r, v, s, &q, f, NULL, &error)) fail_msg("%s", error->message);
 }
 
-static void leaping_changes_no_bit(void **unused) {
+TEST(leaping_changes_no_bit) {
   static const char *const isas[] = {"scalar", "avx2", "avx512"};
   for (int isa = 0; isa < 3; isa++) {
     tc_renderer_options o = {.backend = TC_BACKEND_CPU, .isa = isas[isa]};
@@ -134,7 +134,7 @@ static tc_support *support_of(const tc_volume *v, const tc_transfer_function *tf
 
 /* What is left out without a look at the table: nothing visible lies in a zone or in reach of it, and next to nothing
  * beyond it is empty. */
-static void zones_are_empty(void **unused) {
+TEST(zones_are_empty) {
   uint64_t state = 23;
   int reach = 0;
   for (int trial = 0; trial < 150; trial++) {
@@ -160,7 +160,7 @@ static void zones_are_empty(void **unused) {
 }
 
 /* Every block's pair against its voxels; every distance against all blocks. */
-static void map_is_right(void **unused) {
+TEST(map_is_right) {
   uint64_t state = 5;
   for (int trial = 0; trial < 30; trial++) {
     tc_volume *v = random_volume(&state);
@@ -238,7 +238,7 @@ static void mark_records(const tc_boxes *b, const int n[3], bool *named) {
 }
 
 /* Boxes name every fine box that an exact map says shows something, and hardly another: bins cost next to nothing. */
-static void boxes_hold_what_shows(void **unused) {
+TEST(boxes_hold_what_shows) {
   uint64_t state = 17;
   size_t exact = 0, more = 0, all = 0;
   for (int trial = 0; trial < 60; trial++) {
@@ -275,7 +275,7 @@ static void boxes_hold_what_shows(void **unused) {
 }
 
 /* A map made from the one before is the map made from nothing, and a small change goes over a part of it. */
-static void map_is_mended(void **unused) {
+TEST(map_is_mended) {
   uint64_t state = 11;
   int swept = 0, layers = 0, untouched = 0;
   for (int trial = 0; trial < 40; trial++) {
@@ -312,7 +312,7 @@ static void map_is_mended(void **unused) {
 }
 
 /* The plan leaves the structure out where nothing can be empty, and it costs little where it is in. */
-static void built_only_when_it_can_help(void **unused) {
+TEST(built_only_when_it_can_help) {
   tc_renderer_options o = {.backend = TC_BACKEND_CPU};
   tc_renderer *r = tc_renderer_new(&o, NULL);
   tc_volume *v = tc_volume_demo("vessels", NULL);
@@ -345,7 +345,7 @@ static void built_only_when_it_can_help(void **unused) {
 static double ramp(double x, double y, double z, const void *context) { return x > 69000 ? 200 : 0; }
 
 /* An axis longer than boxes can name: nothing is leapt, and all is drawn. */
-static void long_axes_are_drawn(void **unused) {
+TEST(long_axes_are_drawn) {
   tc_renderer_options o = {.backend = TC_BACKEND_CPU};
   tc_renderer *r = tc_renderer_new(&o, NULL);
   test_grid g = {.dims = {70000, 2, 2}, .type = TC_U8, .spacing = {0.01, 300, 300}};
@@ -484,7 +484,7 @@ static double beside_oracle(tc_renderer *r, tc_volume *v, const char *name) {
 
 /* Built-in volumes; with TC_LONG those of TC_DATA too, for the eye: thin ones of few slices take up to twice as many.
  */
-static void samples_are_near_the_oracle(void **unused) {
+TEST(samples_are_near_the_oracle) {
   static const char *const demos[] = {"head", "vessels", "bucky", "marschner-lobb"};
   tc_renderer *r = tc_renderer_new(&(tc_renderer_options){.backend = TC_BACKEND_CPU}, NULL);
   double worst = 0;
@@ -504,14 +504,4 @@ static void samples_are_near_the_oracle(void **unused) {
   assert_true(worst > 0.9 && worst <= 1.1);
 }
 
-int main(void) {
-  const struct CMUnitTest tests[] = {TEST(samples_are_near_the_oracle),
-                                     TEST(leaping_changes_no_bit),
-                                     TEST(map_is_right),
-                                     TEST(zones_are_empty),
-                                     TEST(boxes_hold_what_shows),
-                                     TEST(map_is_mended),
-                                     TEST(built_only_when_it_can_help),
-                                     TEST(long_axes_are_drawn)};
-  return cmocka_run_group_tests(tests, NULL, NULL);
-}
+TESTS(NULL, NULL)

@@ -126,7 +126,7 @@ static void clip(tc_scene *scene, int i) {
   p[3] = 3 - (p[0] * scene->camera.target[0] + p[1] * scene->camera.target[1] + p[2] * scene->camera.target[2]);
 }
 
-static void culling_changes_no_bit(void **state) {
+TEST(culling_changes_no_bit) {
   object objects[2] = {object_of(&cube, blob, rough), object_of(&flat_grid, blob, ball)};
   tc_pool *pool = tc_pool_new(3, NULL);
   drawing a = {0}, b = {0};
@@ -159,7 +159,7 @@ static void culling_changes_no_bit(void **state) {
   for (int i = 0; i < 2; i++) object_free(&objects[i]);
 }
 
-static void scalar_and_vector_agree(void **state) {
+TEST(scalar_and_vector_agree) {
   object o = object_of(&flat_grid, blob, rough);
   drawing a = {0}, b = {0};
   size_t different = 0;
@@ -200,7 +200,7 @@ static bool inside_outline(const tc_scene *scene, const object *o, int x, int y)
   return square < 0.81 * ball[0] * ball[0];
 }
 
-static void constant_solids_are_constant(void **state) {
+TEST(constant_solids_are_constant) {
   object objects[2] = {object_of(&cube, blob, ball), object_of(&flat_grid, blob, ball)};
   drawing d = {0};
   static const double zooms[] = {0.1, 0.3, 0.7, 1, 1.3, 2, 4, 8}, radii[] = {0.9, 1, 1.5, 3};
@@ -231,7 +231,7 @@ static void constant_solids_are_constant(void **state) {
 /* ---- place ---- */
 
 /* Against the isosurface of the same ball: outline, depth and light. */
-static void splats_are_where_the_surface_is(void **state) {
+TEST(splats_are_where_the_surface_is) {
   object o = object_of(&flat_grid, blob, ball);
   tc_renderer *renderer = tc_renderer_new(&(tc_renderer_options){.backend = TC_BACKEND_CPU}, NULL);
   drawing d = {0};
@@ -268,7 +268,7 @@ static void splats_are_where_the_surface_is(void **state) {
 }
 
 /* Voxels of many pixels show no steps: the light is near the isosurface's. */
-static void large_voxels_are_lit_smoothly(void **state) {
+TEST(large_voxels_are_lit_smoothly) {
   object o = object_of(&cube, blob, ball);
   tc_renderer *renderer = tc_renderer_new(&(tc_renderer_options){.backend = TC_BACKEND_CPU}, NULL);
   drawing d = {0};
@@ -341,14 +341,14 @@ static void expect_outlines(test_field of, const void *context, double most) {
   object_free(&o);
 }
 
-static void large_voxels_end_where_the_surface_does(void **state) {
+TEST(large_voxels_end_where_the_surface_does) {
   expect_outlines(blob, ball, 0.6);
   expect_outlines(tubes, &(double){1.6}, 1.5);
   expect_outlines(tubes, &(double){0.8}, 2.3);
 }
 
 /* What is picked is what is drawn: as far away, whatever kernels' shapes are. */
-static void picks_are_as_deep_as_the_picture(void **state) {
+TEST(picks_are_as_deep_as_the_picture) {
   object o = object_of(&flat_grid, blob, ball);
   drawing d = {0};
   for (int i = 6; i < 12; i++) {
@@ -375,7 +375,7 @@ static void picks_are_as_deep_as_the_picture(void **state) {
 }
 
 /* Faces of the volume that cut an object are lit as what they are, whatever its values are within. */
-static void faces_of_the_volume_are_lit(void **state) {
+TEST(faces_of_the_volume_are_lit) {
   static const double large[2] = {40, 3};
   object o = object_of(&cube, blob, large);
   drawing d = {0};
@@ -399,7 +399,7 @@ static void faces_of_the_volume_are_lit(void **state) {
 static double negative(double x, double y, double z, const void *context) { return -5 - 0.01 * (x + y + z); }
 
 /* An object of all values, all below 0, ends with the grid alone, and nothing beyond that is read. */
-static void a_range_of_all_values_ends_with_the_grid(void **state) {
+TEST(a_range_of_all_values_ends_with_the_grid) {
   tc_volume *volume = test_volume(&(test_grid){.dims = {6, 5, 4}, .type = TC_F32}, negative, NULL);
   tc_vmd_subject *subject = tc_vmd_subject_new(volume, -INFINITY, INFINITY);
   for (int corner = 0; corner < 8; corner++) {
@@ -418,7 +418,7 @@ static double blob_at(double x, double y, double z, const void *context) {
 }
 
 /* The same object in ever larger grids costs the same splats. */
-static void cost_follows_the_voxels_seen(void **state) {
+TEST(cost_follows_the_voxels_seen) {
   drawing d = {0};
   tc_scene scene;
   uint64_t put[4];
@@ -455,7 +455,7 @@ static double brightest(const float *linear, int x, int y, int reach) {
 
 /* What faces away at a rim is not lit as if it faced the eye: few pixels are brighter than all of the isosurface near.
  */
-static void rims_do_not_shine(void **state) {
+TEST(rims_do_not_shine) {
   object o = object_of(&cube, bowl, NULL);
   tc_renderer *renderer = tc_renderer_new(&(tc_renderer_options){.backend = TC_BACKEND_CPU}, NULL);
   drawing d = {0};
@@ -484,7 +484,7 @@ static void rims_do_not_shine(void **state) {
 }
 
 /* A ball cut through the middle shows a flat solid face, on the plane. */
-static void a_cut_shows_a_solid_face(void **state) {
+TEST(a_cut_shows_a_solid_face) {
   object o = object_of(&cube, blob, ball);
   drawing d = {0};
   tc_scene scene;
@@ -582,7 +582,7 @@ static void march(const object *o, const tc_scene *scene, double deviation, cons
   rgba[3] = 1 - clear;
 }
 
-static void translucent_splats_show_the_blurred_field(void **state) {
+TEST(translucent_splats_show_the_blurred_field) {
   object objects[3] = {object_of(&cube, blob, rough), object_of(&flat_grid, blob, ball), object_of(&cube, blob, ball)};
   drawing d = {0};
   for (int i = 0; i < 12; i++) {
@@ -644,7 +644,7 @@ static double way_through(const object *o, const tc_scene *scene, int x, int y) 
 }
 
 /* A cloud of one extinction is as opaque as the way through it says, from every side and in voxels of any size. */
-static void constant_clouds_are_constant(void **state) {
+TEST(constant_clouds_are_constant) {
   object objects[2] = {object_of(&cube, everywhere, NULL), object_of(&flat_grid, everywhere, NULL)};
   static const double zooms[] = {0.5, 1, 2, 5};
   const float extinction = 0.03f;
@@ -675,7 +675,7 @@ static void constant_clouds_are_constant(void **state) {
 
 /* ---- interruption ---- */
 
-static void paused_pictures_end_the_same(void **state) {
+TEST(paused_pictures_end_the_same) {
   object o = object_of(&cube, blob, rough);
   tc_pool *pool = tc_pool_new(2, NULL);
   drawing whole = {0}, parts = {0};
@@ -708,7 +708,7 @@ static void paused_pictures_end_the_same(void **state) {
 }
 
 /* As a whole: what is read is built, and the picture drawn, in as many pieces as a caller likes. */
-static void frames_are_made_in_pieces(void **state) {
+TEST(frames_are_made_in_pieces) {
   const test_grid large = {.dims = {160, 160, 160}, .type = TC_U8};
   const unsigned seed = 7;
   tc_volume *volume = test_volume(&large, test_noise, &seed); /* values 0 and 1, each half of the voxels */
@@ -751,12 +751,4 @@ static void frames_are_made_in_pieces(void **state) {
   tc_volume_unref(volume);
 }
 
-int main(void) {
-  const struct CMUnitTest tests[] = {TEST(culling_changes_no_bit), TEST(scalar_and_vector_agree),
-    TEST(constant_solids_are_constant), TEST(splats_are_where_the_surface_is), TEST(large_voxels_are_lit_smoothly), TEST(large_voxels_end_where_the_surface_does),
-    TEST(picks_are_as_deep_as_the_picture), TEST(faces_of_the_volume_are_lit), TEST(a_range_of_all_values_ends_with_the_grid),
-    TEST(cost_follows_the_voxels_seen),
-    TEST(rims_do_not_shine), TEST(a_cut_shows_a_solid_face), TEST(translucent_splats_show_the_blurred_field), TEST(constant_clouds_are_constant),
-    TEST(paused_pictures_end_the_same), TEST(frames_are_made_in_pieces)};
-  return cmocka_run_group_tests(tests, NULL, NULL);
-}
+TESTS(NULL, NULL)

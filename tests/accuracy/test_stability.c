@@ -35,7 +35,7 @@ static bool judge(uint64_t seed, unsigned on, bool show) {
   return false;
 }
 
-static void random_scenes(void **state) {
+TEST(random_scenes) {
   const char *count = getenv("TC_RANDOM_SCENES"), *only = getenv("TC_RANDOM_SEED");
   uint64_t n = count ? strtoull(count, NULL, 10) : only ? 1 : USUAL_SCENES, first = only ? strtoull(only, NULL, 10) : 1;
   int failed = 0;
@@ -52,7 +52,4 @@ static void random_scenes(void **state) {
   assert_true(only || test_judged.shown > test_judged.pixels / 5);
 }
 
-int main(void) {
-  const struct CMUnitTest tests[] = {TEST(random_scenes)};
-  return cmocka_run_group_tests_name("stability", tests, test_judge_open, test_judge_close);
-}
+TESTS(test_judge_open, test_judge_close)

@@ -108,7 +108,7 @@ static void list(const tc_explanation *plan, char *text, size_t size) {
   }
 }
 
-static void stages_are_what_the_scene_needs(void **state) {
+TEST_WITH(stages_are_what_the_scene_needs, NULL, NULL) {
   bench *b = *state;
   int wrong = 0, count = (int)(sizeof scenes / sizeof *scenes);
   assert_true(count >= 30);
@@ -126,7 +126,7 @@ static void stages_are_what_the_scene_needs(void **state) {
 }
 
 /* What is out costs nothing: no structure held, no time spent, nothing built again for a camera. */
-static void out_means_out(void **state) {
+TEST_WITH(out_means_out, NULL, NULL) {
   bench *b = *state;
   tc_explanation plan;
   draw(b, "{\"transferFunction\":{\"preset\":\"ct-bone\"}}", &plan);
@@ -138,7 +138,4 @@ static void out_means_out(void **state) {
     if (!plan.stages[s].included) assert_true(plan.stages[s].bytes == 0 && plan.stages[s].ms == 0);
 }
 
-int main(void) {
-  const struct CMUnitTest tests[] = {TEST(stages_are_what_the_scene_needs), TEST(out_means_out)};
-  return cmocka_run_group_tests(tests, set_up, tear_down);
-}
+TESTS(set_up, tear_down)

@@ -46,7 +46,7 @@ static tc_scene look_along_x(tc_knot *knots, size_t count) {
 
 /* One segment, of which the volume holds a share. Opacity is right for any depth; colour where it is linear in depth,
  * and else within a fifth of its change along the segment. */
-static void a_short_segment(void **state) {
+TEST(a_short_segment) {
   static const medium media[] = {
       {"slab", 1, 1, 0, {0.9, 0.5, 0}, {0.9, 0.5, 0}, 1e-4, 1e-5},
       {"ramp", 0, 1, 0, {0.9, 0.5, 0}, {0.9, 0.5, 0}, 1e-4, 1e-5},
@@ -85,7 +85,7 @@ static double narrow(double x, double y, double z, const void *unused) {
 }
 
 /* Rays that meet a wall only just before their end, after clear segments, in every way in which segments are short. */
-static void a_wall_at_the_end(void **state) {
+TEST(a_wall_at_the_end) {
   tc_volume *volume = test_volume(&(test_grid){.dims = {12, 9, 9}, .type = TC_U16}, narrow, NULL);
   for (int n = 0; n < 12; n++) {
     double most[2][2] = {{0}};
@@ -141,7 +141,7 @@ static void see_a_peak(tc_volume *volume, tc_scene *scene, const char *what, con
   g_free(want);
 }
 
-static void a_peak_at_any_step(void **state) {
+TEST(a_peak_at_any_step) {
   static const double cool[3] = {0.2, 0.45, 0.95}, bases[] = {0.002, 0.1}, bends[] = {0, 0.03};
   static const double most[2][2] = {{1e-4, 1e-3}, {5e-3, 4e-3}}; /* where the field bends segments do not fit it */
   for (size_t n = 0; n < G_N_ELEMENTS(bases) * G_N_ELEMENTS(bends); n++) {
@@ -164,7 +164,4 @@ static void a_peak_at_any_step(void **state) {
   }
 }
 
-int main(void) {
-  const struct CMUnitTest tests[] = {TEST(a_short_segment), TEST(a_wall_at_the_end), TEST(a_peak_at_any_step)};
-  return cmocka_run_group_tests_name("stiff", tests, test_renderers_open, test_renderers_close);
-}
+TESTS(test_renderers_open, test_renderers_close)

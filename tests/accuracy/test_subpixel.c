@@ -50,7 +50,7 @@ static tc_volume *waves(tc_voxel_type type) {
 
 /* ---- the rays of a pixel ---- */
 
-static void rays_of_a_pixel(void **state) {
+TEST(rays_of_a_pixel) {
   for (int count = 1; count <= TC_MAX_RAYS_PER_PIXEL; count++) {
     tc_subpixel rays[TC_MAX_RAYS_PER_PIXEL];
     uint64_t columns = 0, phases = 0;
@@ -74,7 +74,7 @@ static void rays_of_a_pixel(void **state) {
 /* ---- exactness ---- */
 
 /* Alike everywhere: no first, last or only segment of any ray may show, nor the averaging. */
-static void homogeneous_slab(void **state) {
+TEST(homogeneous_slab) {
   tc_volume *volume = test_volume(&(test_grid){.dims = {12, 9, 9}, .type = TC_I16}, test_constant, &(double){100});
   double worst = 0;
   for (size_t c = 0; c < G_N_ELEMENTS(counts); c++)
@@ -111,7 +111,7 @@ static void homogeneous_slab(void **state) {
 
 /* As dense as a quarter of a voxel along every ray: what is left is the error of one such ray
  * (accuracy/test_raycast). */
-static void against_the_same_rays(void **state) {
+TEST(against_the_same_rays) {
   for (int type = TC_U8; type <= TC_U16; type += TC_U16 - TC_U8) {
     tc_volume *volume = waves((tc_voxel_type)type);
     for (size_t c = 0; c < G_N_ELEMENTS(counts); c++) {
@@ -143,7 +143,7 @@ static void against_the_same_rays(void **state) {
 }
 
 /* One ray's samples, shared by more: the edges inside a pixel are seen for about the same number of samples. */
-static void smooth_edges_cost_nothing(void **state) {
+TEST(smooth_edges_cost_nothing) {
   tc_volume *volume =
       test_volume(&(test_grid){.dims = {33, 33, 33}, .type = TC_F32}, test_radius2, (double[3]){16, 16, 16});
   tc_knot knots[] = {{.value = 121, .color = {1, 0.6, 0.1}, .amount = 1},
@@ -174,7 +174,7 @@ static void smooth_edges_cost_nothing(void **state) {
   tc_volume_unref(volume);
 }
 
-static void projections_average_whole_rays(void **state) {
+TEST(projections_average_whole_rays) {
   tc_volume *volume = waves(TC_U16);
   static const tc_mode modes[] = {TC_MODE_MIP, TC_MODE_MINIP, TC_MODE_AVERAGE};
   for (size_t i = 0; i < G_N_ELEMENTS(modes); i++)
@@ -258,7 +258,7 @@ static tc_volume *show_demo(const char *name, int side, tc_scene *scene) {
 }
 
 /* No rings at the default of a voxel (bound, of 1/255, without jitter), and jitter moves no light. */
-static void no_rings_by_default(void **state) {
+TEST(no_rings_by_default) {
   static const struct { const char *name; double bound; } demos[] = {
       {"bucky", 0.05}, {"marschner-lobb", 0.4}, {"head", 0.2}, {"vessels", 0.8}};
   for (size_t i = 0; i < G_N_ELEMENTS(demos) && i < MOST_DEMOS; i++) {
@@ -280,7 +280,7 @@ static void no_rings_by_default(void **state) {
 /* The same of lit surfaces, by each kind of gradient: a highlight shows what its normals do. None on what is smooth;
  * marschner-lobb has waves of three voxels. Bounds: 1.5 times what was measured. Cubic references take longest: without
  * TC_LONG the first demo shows what they show. */
-static void no_rings_on_lit_surfaces(void **state) {
+TEST(no_rings_on_lit_surfaces) {
   static const struct { const char *name; double bounds[TC_GRADIENT_COUNT]; } demos[] = {
       {"bucky", {0.3, 0.05, 0.05}}, {"marschner-lobb", {5.4, 4.1, 3.8}}, {"head", {1.2, 0.35, 0.31}}};
   for (size_t i = 0; i < G_N_ELEMENTS(demos) && i < MOST_DEMOS; i++) {
@@ -306,7 +306,7 @@ static void no_rings_on_lit_surfaces(void **state) {
 /* The classical case, long steps from a plane through a shell that the transfer function cuts out of a smooth field.
  * Rings are what depends on where the steps begin: the difference to the mean over planes that lie fractions of a step
  * apart, in empty space. */
-static void jitter_takes_rings_away(void **state) {
+TEST(jitter_takes_rings_away) {
   enum { PHASES = 16, SIDE = 128 };
   tc_volume *volume =
       test_volume(&(test_grid){.dims = {65, 65, 65}, .type = TC_F32}, test_radius2, (double[3]){32, 32, 32});
@@ -412,7 +412,7 @@ static void check_trial(int m, int trial, tc_volume *volume, tc_scene *scene, sa
   tc_frame_finish(&alone);
 }
 
-static void coherence_loses_nothing(void **state) {
+TEST(coherence_loses_nothing) {
   EACH_RENDERER(m) {
     int trials = m < GL ? 80 : 12;
     uint64_t random = 2024;
@@ -436,7 +436,7 @@ static void coherence_loses_nothing(void **state) {
   }
 }
 
-static void the_plan_says_why(void **state) {
+TEST(the_plan_says_why) {
   tc_volume *volume = tc_volume_demo("vessels", NULL);
   tc_scene scene;
   tc_explanation plan;
@@ -478,7 +478,7 @@ static void the_plan_says_why(void **state) {
 /* ---- back ends and threads ---- */
 
 /* NUMERICS section 5: within 1/255 of each other. */
-static void back_ends_agree(void **state) {
+TEST(back_ends_agree) {
   for (size_t c = 0; c < G_N_ELEMENTS(counts); c++)
     for (int bits = 0; bits < 8; bits++) {
       tc_volume *volume = waves(TC_U8);
@@ -505,7 +505,7 @@ static void back_ends_agree(void **state) {
 }
 
 /* The same bytes for any number of threads, and again: nothing crawls while nothing moves. */
-static void threads_make_no_difference(void **state) {
+TEST(threads_make_no_difference) {
   tc_volume *volume = waves(TC_I16);
   tc_renderer *others[] = {tc_renderer_new(&(tc_renderer_options){.backend = TC_BACKEND_CPU, .threads = 1}, NULL),
                            tc_renderer_new(&(tc_renderer_options){.backend = TC_BACKEND_CPU, .threads = 7}, NULL)};
@@ -536,10 +536,4 @@ static void threads_make_no_difference(void **state) {
   tc_volume_unref(volume);
 }
 
-int main(void) {
-  const struct CMUnitTest tests[] = {TEST(rays_of_a_pixel), TEST(homogeneous_slab), TEST(against_the_same_rays),
-    TEST(smooth_edges_cost_nothing), TEST(projections_average_whole_rays), TEST(no_rings_by_default),
-    TEST(no_rings_on_lit_surfaces), TEST(jitter_takes_rings_away), TEST(coherence_loses_nothing),
-    TEST(the_plan_says_why), TEST(back_ends_agree), TEST(threads_make_no_difference)};
-  return cmocka_run_group_tests_name("subpixel", tests, test_renderers_open, test_renderers_close);
-}
+TESTS(test_renderers_open, test_renderers_close)

@@ -14,7 +14,31 @@
 
 #include <cmocka.h> /* after those: it declares nothing itself of what it uses */
 
-#define TEST(function) cmocka_unit_test(function)
+/* TEST(what_it_promises) { ... } in a file that ends with TESTS(set_up, tear_down), of all of them together (NULL: none).
+ * The tests of a file run in the order in which they stand. TEST_WITH: a set-up and a tear-down of the
+ * test's own (NULL: none); `state` is cmocka's. */
+#define TEST(name) TEST_OF(name, NULL, NULL, no_state)
+#define TEST_WITH(name, set_up, tear_down) TEST_OF(name, set_up, tear_down, state)
+#define TEST_OF(name, set_up, tear_down, parameter)                                              \
+  static void name(void **parameter);                                                            \
+  __attribute__((constructor)) static void add_##name(void) {                                    \
+    add_test((struct CMUnitTest){#name, name, set_up, tear_down, NULL});                         \
+  }                                                                                              \
+  static void name(void **parameter)
+#define TESTS(set_up, tear_down) \
+  int main(void) { return run_all_tests(set_up, tear_down); }
+
+static struct CMUnitTest all_tests[64];
+static size_t n_tests;
+
+static inline void add_test(struct CMUnitTest test) {
+  if (n_tests == sizeof all_tests / sizeof *all_tests) abort();
+  all_tests[n_tests++] = test;
+}
+
+static inline int run_all_tests(CMFixtureFunction set_up, CMFixtureFunction tear_down) {
+  return _cmocka_run_group_tests(__FILE__, all_tests, n_tests, set_up, tear_down);
+}
 
 /* Leaves a test out where the machine lacks what it wants. */
 #define needs(what) do { if (!(what)) skip(); } while (0)

@@ -86,7 +86,7 @@ static void assert_png(const char *name, unsigned width, unsigned height, int co
   g_free(bytes);
 }
 
-static void version_and_help(void **state) {
+TEST(version_and_help) {
   outcome o = RUN("--version");
   assert_string_equal(o.out, "tomocast " TC_VERSION "\n");
   accept(o);
@@ -98,7 +98,7 @@ static void version_and_help(void **state) {
   accept(o);
 }
 
-static void bad_usage(void **state) {
+TEST(bad_usage) {
   refuse(run((const char *const[]){NULL}), 2, "known: serve, render, info");
   refuse(RUN("rendr"), 2, "unknown sub-command rendr; known: serve, render, info");
   refuse(RUN("--frobnicate"), 2, "unknown option --frobnicate");
@@ -135,7 +135,7 @@ static void bad_usage(void **state) {
   refuse(RUN("convert", "demo:bucky", "b.ply", "--iso", "1e9"), 1, "no surface of that value; its values are 0 to ");
 }
 
-static void failures(void **state) {
+TEST(failures) {
   put_file("broken.json", "{\"mode\":}");
   put_file("wrong.json", "{\"mode\":\"mipp\"}");
   put_file("absurd.mha", "ObjectType = Image\nNDims = 3\nDimSize = 1 1 2\nElementType = MET_UCHAR\nOffset = 1e12 0 0\n"
@@ -152,7 +152,7 @@ static void failures(void **state) {
   refuse(RUN("render", "demo:bucky", "--width", "16", "--height", "16", "-o", "no/such/folder.png"), 1, "folder.png");
 }
 
-static void renders_demo_head(void **state) {
+TEST(renders_demo_head) {
   accept(RUN("render", "demo:head", "--width", "80", "--height", "60"));
   assert_png("render.png", 80, 60, 2);
   accept(RUN("render", "demo:head", "-o", "head.jpg", "--width", "80", "--height", "60"));
@@ -162,7 +162,7 @@ static void renders_demo_head(void **state) {
   g_free(bytes);
 }
 
-static void scene_and_set(void **state) {
+TEST(scene_and_set) {
   put_file("scene.json", "{\"image\":{\"width\":40,\"height\":30,\"background\":[1,0,0]},\"camera\":{\"fovY\":20}}");
   accept(RUN("render", "demo:bucky", "--scene", "scene.json", "-o", "a.png"));
   accept(RUN("render", "demo:bucky", "--scene", "scene.json", "-o", "b.png", "--set", "image.background=[0,0,1]"));
@@ -177,7 +177,7 @@ static void scene_and_set(void **state) {
   refuse(RUN("render", "demo:bucky", "-o", "c.jpg", "--set", "image.background=transparent"), 2, "png");
 }
 
-static void same_picture_twice(void **state) {
+TEST(same_picture_twice) {
   for (int i = 0; i < 2; i++)
     accept(RUN("render", "demo:bucky", "-o", i ? "2.png" : "1.png", "--width", "64", "--height", "64"));
   gsize one, two;
@@ -188,13 +188,13 @@ static void same_picture_twice(void **state) {
   g_free(b);
 }
 
-static void timing_is_printed(void **state) {
+TEST(timing_is_printed) {
   outcome o = RUN("render", "demo:bucky", "--timing", "--backend", "cpu", "--width", "16", "--height", "16");
   assert_true(strstr(o.out, "render.png: 16 x 16, cpu") && strstr(o.out, "Msamples"));
   accept(o);
 }
 
-static void info_for_people_and_programs(void **state) {
+TEST(info_for_people_and_programs) {
   outcome o = RUN("info", "demo:head");
   assert_true(strstr(o.out, "orientation  LPS") && strstr(o.out, "modality     CT"));
   accept(o);
@@ -217,7 +217,7 @@ static void info_for_people_and_programs(void **state) {
   refuse(RUN("info", "b.vmd"), 1, "open b.vmd: ");
 }
 
-static void meshes_among_each_other(void **state) {
+TEST(meshes_among_each_other) {
   put_file("t.obj", "v 0 0 0\nv 2 0 0\nv 0 2 0\nv 0 0 2\nf 1 3 2\nf 1 2 4\nf 1 4 3\nf 2 3 4\nf 1 1 2\n");
   accept(RUN("convert", "t.obj", "t.stl"));
   accept(RUN("convert", "t.stl", "t.ply", "--ascii"));
@@ -239,7 +239,7 @@ static void meshes_among_each_other(void **state) {
 }
 
 /* The same words as the HTTP service's: each sample where the last one ended. */
-static void a_ray_sample_by_sample(void **state) {
+TEST(a_ray_sample_by_sample) {
   outcome o = RUN("render", "demo:bucky", "--width", "40", "--height", "40", "--ray", "20,20");
   cJSON *json = tcp_json_parse(o.out, strlen(o.out), NULL), *sample;
   assert_int_equal(cJSON_GetArraySize(cJSON_GetObjectItem(json, "color")), 3);
@@ -262,7 +262,7 @@ static void a_ray_sample_by_sample(void **state) {
 }
 
 /* What a frame and a sample cost, and what a dragged transfer function adds. */
-static void bench_names_the_costs(void **state) {
+TEST(bench_names_the_costs) {
   static const char *const edits[] = {"a knot slides", "all knots shift", "presets change", "fetch", "shade", "resolve"};
   outcome o = RUN("bench", "--size", "32", "--runs", "2", "--error", "0", "demo:bucky");
   assert_non_null(strstr(o.out, "cycles"));
@@ -279,7 +279,7 @@ static void bench_names_the_costs(void **state) {
 }
 
 /* Both papers' tables on a demo, as text and as JSON: cells of every column, numbers or a reason. */
-static void tables_of_the_papers(void **state) {
+TEST(tables_of_the_papers) {
   static const struct {
     const char *paper, *heads[2], *published;
     int cells;
@@ -308,10 +308,4 @@ static void tables_of_the_papers(void **state) {
   refuse(RUN("bench", "--paper", "002"), 2, "000 or 001");
 }
 
-int main(void) {
-  const struct CMUnitTest tests[] = {TEST(version_and_help), TEST(bad_usage), TEST(failures), TEST(renders_demo_head),
-    TEST(scene_and_set), TEST(same_picture_twice), TEST(timing_is_printed), TEST(info_for_people_and_programs),
-    TEST(meshes_among_each_other), TEST(a_ray_sample_by_sample), TEST(bench_names_the_costs),
-    TEST(tables_of_the_papers)};
-  return cmocka_run_group_tests(tests, make_folder, remove_folder);
-}
+TESTS(make_folder, remove_folder)

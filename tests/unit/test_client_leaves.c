@@ -55,7 +55,7 @@ static int client(const char *request) {
 
 static uint64_t unwritten(void) { return tcs_budget_used(server->budget, TCS_MEMORY_UPLOADS); }
 
-static void who_leaves_while_an_upload_is_written_is_forgotten(void **state) {
+TEST(who_leaves_while_an_upload_is_written_is_forgotten) {
   char request[200];
   holder h = {.task = {.run = hold, .done = let_go}};
   g_mutex_init(&h.held);
@@ -79,7 +79,4 @@ static void who_leaves_while_an_upload_is_written_is_forgotten(void **state) {
   g_mutex_clear(&h.held);
 }
 
-int main(void) {
-  const struct CMUnitTest tests[] = {TEST(who_leaves_while_an_upload_is_written_is_forgotten)};
-  return cmocka_run_group_tests(tests, open_daemon, close_daemon);
-}
+TESTS(open_daemon, close_daemon)

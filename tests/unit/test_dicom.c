@@ -90,7 +90,7 @@ static void check_series(const tc_volume *v, int slices) {
       assert_int_equal(voxels[z * PIXELS + i], value_of(z, i));
 }
 
-static void a_shuffled_folder(void **state) {
+TEST(a_shuffled_folder) {
   char *folder = temp_folder(), *below = g_build_filename(folder, "a", "b", NULL);
   g_mkdir_with_parents(below, 0700);
   write_series(below, "1.2.3.1", 1, SLICES);
@@ -110,7 +110,7 @@ static void a_shuffled_folder(void **state) {
 }
 
 /* Links to files, as git-annex and DataLad lay a folder out; what leads out of the folder and its annex is not read. */
-static void a_folder_of_links(void **state) {
+TEST(a_folder_of_links) {
   char *repository = temp_folder(), *outside = temp_folder(), *objects, *folder;
   objects = g_build_filename(repository, ".git", "annex", "objects", "x1", NULL);
   folder = g_build_filename(repository, "sub", "series", NULL);
@@ -151,7 +151,7 @@ static void a_folder_of_links(void **state) {
 }
 
 /* One file packed by gzip, known by its name; cut, it is refused. */
-static void a_packed_file(void **state) {
+TEST(a_packed_file) {
   int16_t pixels[PIXELS];
   dicom_spec s;
   char *folder = temp_folder(), *path = g_build_filename(folder, "a.dcm.gz", NULL);
@@ -177,7 +177,7 @@ static void a_packed_file(void **state) {
   drop(folder, path);
 }
 
-static void two_series(void **state) {
+TEST(two_series) {
   char *folder = temp_folder();
   write_series(folder, "1.2.3.20", 2, SLICES);
   write_series(folder, "1.2.3.10", 1, 4);
@@ -210,7 +210,7 @@ static void two_series(void **state) {
   g_free(folder);
 }
 
-static void a_zip(void **state) {
+TEST(a_zip) {
   char *folder = temp_folder(), *path = g_build_filename(folder, "study.zip", NULL),
        *series = g_build_filename(folder, "s", NULL);
   g_mkdir_with_parents(series, 0700);
@@ -257,7 +257,7 @@ static void drop(char *folder, char *path) {
   g_free(path);
 }
 
-static void an_oblique_slice(void **state) {
+TEST(an_oblique_slice) {
   int16_t pixels[PIXELS];
   dicom_spec s;
   init(&s, pixels);
@@ -272,7 +272,7 @@ static void an_oblique_slice(void **state) {
   drop(folder, path);
 }
 
-static void frames_of_one_file(void **state) {
+TEST(frames_of_one_file) {
   int16_t pixels[3 * PIXELS];
   dicom_spec s;
   init(&s, pixels);
@@ -298,7 +298,7 @@ static void frames_of_one_file(void **state) {
   drop(folder, path);
 }
 
-static void tiles_are_no_volume(void **state) {
+TEST(tiles_are_no_volume) {
   int16_t pixels[3 * PIXELS] = {0};
   dicom_spec s;
   init(&s, pixels);
@@ -313,7 +313,7 @@ static void tiles_are_no_volume(void **state) {
   drop(folder, path);
 }
 
-static void different_slopes_become_float(void **state) {
+TEST(different_slopes_become_float) {
   char *folder = temp_folder();
   int16_t pixels[PIXELS];
   static const char *const slopes[2] = {"0.5", "2"};
@@ -341,7 +341,7 @@ static void different_slopes_become_float(void **state) {
   g_free(folder);
 }
 
-static void what_is_missing_is_said(void **state) {
+TEST(what_is_missing_is_said) {
   int16_t pixels[PIXELS];
   dicom_spec s;
   init(&s, pixels);
@@ -361,7 +361,7 @@ static void what_is_missing_is_said(void **state) {
   drop(folder, path);
 }
 
-static void wide_integers_are_narrowed(void **state) {
+TEST(wide_integers_are_narrowed) {
   int32_t pixels[PIXELS];
   dicom_spec s;
   dicom_spec_init(&s, COLUMNS, ROWS, pixels, sizeof pixels);
@@ -384,7 +384,7 @@ static void wide_integers_are_narrowed(void **state) {
   drop(folder, path);
 }
 
-static void colour_becomes_luma(void **state) {
+TEST(colour_becomes_luma) {
   uint8_t pixels[PIXELS * 3];
   dicom_spec s;
   dicom_spec_init(&s, COLUMNS, ROWS, pixels, sizeof pixels);
@@ -408,7 +408,7 @@ static void colour_becomes_luma(void **state) {
 }
 
 /* One picture in both ways of writing colours: one grey, to the rounding of the eight bits. */
-static void ybr_has_the_greys_of_rgb(void **state) {
+TEST(ybr_has_the_greys_of_rgb) {
   uint8_t rgb[PIXELS * 3], ybr[PIXELS * 3];
   for (int i = 0; i < PIXELS; i++) {
     const double c[3] = {(i * 97) % 256, (i * 41 + 30) % 256, (i * 13 + 200) % 256};
@@ -437,7 +437,7 @@ static void ybr_has_the_greys_of_rgb(void **state) {
 }
 
 /* Two pixels share their colour: 2 bytes a pixel, of which the luma is taken. */
-static void halved_colour_becomes_luma(void **state) {
+TEST(halved_colour_becomes_luma) {
   uint8_t pixels[PIXELS * 2];
   dicom_spec s;
   dicom_spec_init(&s, COLUMNS, ROWS, pixels, sizeof pixels);
@@ -457,7 +457,7 @@ static void halved_colour_becomes_luma(void **state) {
 }
 
 /* Headers that promise what the file does not hold: refused at once, nothing large is allocated. */
-static void hostile_headers(void **state) {
+TEST(hostile_headers) {
   int16_t pixels[PIXELS];
   static const char *const frames[] = {"2", "2147483647", "99999999999999999999", "-5x", "1A"};
   fill(pixels, 0);
@@ -480,7 +480,7 @@ static void hostile_headers(void **state) {
 }
 
 /* An element that announces 4 GB: GDCM would allocate it first. */
-static void a_huge_element(void **state) {
+TEST(a_huge_element) {
   GByteArray *b = dicom_start();
   char *folder = temp_folder(), *path = g_build_filename(folder, "one", NULL);
   dicom_u16(b, 0x08);
@@ -493,7 +493,7 @@ static void a_huge_element(void **state) {
 }
 
 /* By the helper program; the decoder alone is given every prefix by fuzz_gdcm. */
-static void prefixes_are_refused(void **state) {
+TEST(prefixes_are_refused) {
   int16_t pixels[PIXELS];
   dicom_spec s;
   init(&s, pixels);
@@ -508,7 +508,7 @@ static void prefixes_are_refused(void **state) {
   drop(folder, path);
 }
 
-static void not_there_and_not_ours(void **state) {
+TEST(not_there_and_not_ours) {
   char *folder = temp_folder(), *path = g_build_filename(folder, "none", NULL);
   assert_int_equal(refused(path, NULL), TC_ERROR_NOT_FOUND);
   assert_int_equal(refused(folder, NULL), TC_ERROR_FORMAT);
@@ -520,7 +520,7 @@ static void not_there_and_not_ours(void **state) {
   drop(folder, path);
 }
 
-static void limits_and_helpers(void **state) {
+TEST(limits_and_helpers) {
   char *folder = temp_folder();
   GError *error = NULL;
   write_series(folder, "1.2.3.1", 1, SLICES);
@@ -562,7 +562,7 @@ static bool watch(void *user, double fraction) {
   return ++w->calls != w->stop_after;
 }
 
-static void progress_and_cancel(void **state) {
+TEST(progress_and_cancel) {
   char *folder = temp_folder();
   GError *error = NULL;
   write_series(folder, "1.2.3.1", 1, SLICES);
@@ -586,7 +586,7 @@ static void progress_and_cancel(void **state) {
 static bool for_a_while(void *user, double fraction) { return ++*(int *)user < 20; }
 
 /* A decoder that was taken over asks for files without end and reads no answer: the load is cancelled all the same. */
-static void a_helper_that_never_reads_holds_up_nothing(void **state) {
+TEST(a_helper_that_never_reads_holds_up_nothing) {
   char *folder = temp_folder(), *helpers = temp_folder(), *helper = g_build_filename(helpers, "tomocast-import", NULL);
   char *file = g_build_filename(folder, "f.nrrd", NULL);
   char *script = g_strdup_printf("#!/usr/bin/perl\nopen(my $s, '>&=', %d) or die;\nmy $m = pack('VVV', %u, %d, 1) . pack('a%d', 'x');\n"
@@ -607,7 +607,7 @@ static void a_helper_that_never_reads_holds_up_nothing(void **state) {
   drop(folder, file);
 }
 
-static void the_helpers_are_confined(void **state) {
+TEST(the_helpers_are_confined) {
   enum { SIDE = 1200 }; /* more than the ring holds */
   int16_t *pixels = g_new0(int16_t, SIDE * SIDE);
   char *folder, *path, text[] = "NRRD0004\ntype: short\ndimension: 3\nsizes: 1200 1200 1\nencoding: raw\nendian: little\n\n";
@@ -625,13 +625,4 @@ static void the_helpers_are_confined(void **state) {
   drop(folder, path);
 }
 
-int main(void) {
-  const struct CMUnitTest tests[] = {TEST(a_shuffled_folder), TEST(a_folder_of_links), TEST(a_packed_file),
-    TEST(two_series), TEST(a_zip), TEST(an_oblique_slice), TEST(frames_of_one_file), TEST(tiles_are_no_volume),
-    TEST(different_slopes_become_float), TEST(what_is_missing_is_said), TEST(wide_integers_are_narrowed),
-    TEST(colour_becomes_luma), TEST(ybr_has_the_greys_of_rgb), TEST(halved_colour_becomes_luma),
-    TEST(hostile_headers), TEST(a_huge_element), TEST(prefixes_are_refused), TEST(not_there_and_not_ours),
-    TEST(limits_and_helpers), TEST(progress_and_cancel), TEST(a_helper_that_never_reads_holds_up_nothing),
-    TEST(the_helpers_are_confined)};
-  return cmocka_run_group_tests(tests, NULL, NULL);
-}
+TESTS(NULL, NULL)

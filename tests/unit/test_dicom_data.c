@@ -136,7 +136,7 @@ static void check_set(const expectation *want) {
   g_free(path);
 }
 
-static void sets_open_as_described(void **state) {
+TEST(sets_open_as_described) {
   if (!unpacked) skip();
   for (size_t i = 0; i < G_N_ELEMENTS(sets); i++)
     check_set(&sets[i]);
@@ -174,7 +174,7 @@ static double largest_difference(const tc_volume *a, const tc_volume *b) {
   return most;
 }
 
-static void transfer_syntaxes(void **state) {
+TEST(transfer_syntaxes) {
   static const packing packings[] = {{"BigEndian", 0},
                                      {"Deflated", 0},
                                      {"JPEG2000Lossless", 0},
@@ -214,7 +214,7 @@ static void transfer_syntaxes(void **state) {
   g_free(plain);
 }
 
-static void frames_in_five_syntaxes(void **state) {
+TEST(frames_in_five_syntaxes) {
   static const char *const same[] = {"emri_small_big_endian", "emri_small_RLE", "emri_small_jpeg_2k_lossless",
                                      "emri_small_jpeg_ls_lossless"};
   if (!unpacked) skip();
@@ -235,7 +235,7 @@ static void frames_in_five_syntaxes(void **state) {
 
 /* ---- odd files ---- */
 
-static void odd_files(void **state) {
+TEST(odd_files) {
   static const char *const must_load[] = {
       "MR_small_padded.dcm", "fodicom_CT-MONO2-16-ankle", "decimal_rescale.dcm",
       "MR_small.dcm",        "MR_small_implicit.dcm",     "MR_small_bigendian.dcm",
@@ -287,7 +287,7 @@ static void odd_files(void **state) {
 }
 
 /* Everything at once: one bad file must not spoil the rest. */
-static void a_folder_of_odd_files(void **state) {
+TEST(a_folder_of_odd_files) {
   if (!unpacked) skip();
   char *folder = find("odd");
   tc_series *series;
@@ -355,7 +355,7 @@ static void compare_corners(const tc_volume *v, const double m[12], const int di
   }
 }
 
-static void geometry_of_dcm2niix(void **state) {
+TEST(geometry_of_dcm2niix) {
   static const char *const folders[] = {
       "ct_abdomen_dicom_24", "mr_datalad_t1",    "mr_decubitus/HFDR", "mr_decubitus/HFDL",
       "mr_decubitus/HFP",    "mr_decubitus/HFS", "fnndsc_rsna2/PET",  "dcmqi/segmentations/ct-3slice"};
@@ -384,8 +384,4 @@ static void geometry_of_dcm2niix(void **state) {
   g_free(program);
 }
 
-int main(void) {
-  const struct CMUnitTest tests[] = {TEST(sets_open_as_described), TEST(transfer_syntaxes),
-    TEST(frames_in_five_syntaxes), TEST(odd_files), TEST(a_folder_of_odd_files), TEST(geometry_of_dcm2niix)};
-  return cmocka_run_group_tests(tests, set_up, tear_down);
-}
+TESTS(set_up, tear_down)

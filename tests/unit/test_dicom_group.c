@@ -55,7 +55,7 @@ static int set_up(void **state) {
 }
 
 /* Where one time point lacks a slice, the next one's must not take its place. */
-static void keys_never_mix(void **state) {
+TEST_WITH(keys_never_mix, set_up, NULL) {
   for (tc_dicom_key key = 0; key < TC_DICOM_KEY_COUNT; key++) {
     n = 0;
     set_key(add(6, 0, 5), 6, key, 1);
@@ -67,7 +67,7 @@ static void keys_never_mix(void **state) {
   }
 }
 
-static void half_steps_are_two_volumes(void **state) {
+TEST_WITH(half_steps_are_two_volumes, set_up, NULL) {
   set_key(add(9, 0, 4), 9, TC_DICOM_KEY_ACQUISITION, 1);
   set_key(add(8, 2, 4), 8, TC_DICOM_KEY_ACQUISITION, 2);
   CHECK(TC_DICOM_KEY_ACQUISITION, 9, 8);
@@ -75,7 +75,7 @@ static void half_steps_are_two_volumes(void **state) {
 
 /* A scan made piece by piece: every other key of its kind is one volume, and the two of a tilted CT with another image
  * type at each half. */
-static void pieces_in_a_row_are_one(void **state) {
+TEST_WITH(pieces_in_a_row_are_one, set_up, NULL) {
   for (int i = 0; i < 14; i++) set_key(add(1, 4.22 * i, 0), 1, TC_DICOM_KEY_ACQUISITION, i + 1);
   set_key(s, 14, TC_DICOM_KEY_IMAGE_TYPE, 99);
   for (int i = 0; i < 14; i++) set_key(add(1, 56 + 7.38 * i, 0), 1, TC_DICOM_KEY_ACQUISITION, 15 + i / 2);
@@ -83,18 +83,18 @@ static void pieces_in_a_row_are_one(void **state) {
 }
 
 /* The same twice: acquisitions run on through both. */
-static void pieces_of_two_time_points(void **state) {
+TEST_WITH(pieces_of_two_time_points, set_up, NULL) {
   for (int i = 0; i < 20; i++) set_key(add(1, 3 * (i % 10), 0), 1, TC_DICOM_KEY_ACQUISITION, i + 1);
   CHECK(TC_DICOM_KEY_COUNT, 10, 10);
 }
 
-static void pieces_far_apart_are_two(void **state) {
+TEST_WITH(pieces_far_apart_are_two, set_up, NULL) {
   set_key(add(10, 0, 2), 10, TC_DICOM_KEY_ACQUISITION, 1);
   set_key(add(8, 100, 2), 8, TC_DICOM_KEY_ACQUISITION, 2);
   CHECK(TC_DICOM_KEY_ACQUISITION, 10, 8);
 }
 
-static void turns_part_what_keys_do_not(void **state) {
+TEST_WITH(turns_part_what_keys_do_not, set_up, NULL) {
   for (int t = 0; t < 3; t++) add(6, 0, 5);
   CHECK(TC_DICOM_KEY_COUNT, 6, 6, 6);
   tc_dicom_groups groups;
@@ -106,7 +106,7 @@ static void turns_part_what_keys_do_not(void **state) {
   CHECK(TC_DICOM_KEY_COUNT, 6, 5, 6);
 }
 
-static void tangled_pictures_are_said(void **state) {
+TEST_WITH(tangled_pictures_are_said, set_up, NULL) {
   for (int t = 0; t < 3; t++) add(6, 0, 5);
   n = 17;
   for (int i = 0; i < n; i++) s[i].instance = (i * 7) % 17;
@@ -118,7 +118,7 @@ static void tangled_pictures_are_said(void **state) {
   tc_dicom_groups_finish(&groups);
 }
 
-static void copies_are_one(void **state) {
+TEST_WITH(copies_are_one, set_up, NULL) {
   add(6, 0, 5);
   s[6] = s[2];
   s[7] = s[2];
@@ -134,7 +134,7 @@ static void copies_are_one(void **state) {
   CHECK(TC_DICOM_KEY_COUNT, 6);
 }
 
-static void segmentations_stay_together(void **state) {
+TEST_WITH(segmentations_stay_together, set_up, NULL) {
   add(6, 0, 5);
   add(6, 0, 5);
   for (int i = 0; i < 12; i++) s[i].sparse = true;
@@ -160,7 +160,7 @@ static int chosen(unsigned wanted, const char *trouble) {
 }
 
 /* A few slices of a series are never opened unasked. */
-static void a_piece_is_opened_only_for_who_asks(void **state) {
+TEST_WITH(a_piece_is_opened_only_for_who_asks, set_up, NULL) {
   static const double sagittal[6] = {0, 1, 0, 0, 0, -1};
   add(2, 0, 3);
   for (int i = 0; i < 2; i++) {
@@ -177,7 +177,7 @@ static void a_piece_is_opened_only_for_who_asks(void **state) {
   assert_int_equal(chosen(7, NULL), 6);
 }
 
-static void volumes_are_named(void **state) {
+TEST_WITH(volumes_are_named, set_up, NULL) {
   set_key(add(4, 0, 5), 4, TC_DICOM_KEY_ECHO_TIME, 90);
   set_key(add(4, 0, 5), 4, TC_DICOM_KEY_ECHO_TIME, 10.5);
   tc_dicom_groups groups;
@@ -188,7 +188,7 @@ static void volumes_are_named(void **state) {
 }
 
 /* Whatever comes: every picture is in one volume at most, and none is invented. */
-static void nonsense_is_no_crash(void **state) {
+TEST_WITH(nonsense_is_no_crash, set_up, NULL) {
   uint32_t seed = 1;
   for (int round = 0; round < 2000; round++) {
     static const double odd[8] = {0, 1e300, -1e300, 1e-300, 3, -3, 1e9, 0.5};
@@ -216,16 +216,4 @@ static void nonsense_is_no_crash(void **state) {
   }
 }
 
-int main(void) {
-  const struct CMUnitTest tests[] = {cmocka_unit_test_setup(keys_never_mix, set_up),
-    cmocka_unit_test_setup(half_steps_are_two_volumes, set_up),
-    cmocka_unit_test_setup(pieces_in_a_row_are_one, set_up),
-    cmocka_unit_test_setup(pieces_of_two_time_points, set_up),
-    cmocka_unit_test_setup(pieces_far_apart_are_two, set_up),
-    cmocka_unit_test_setup(turns_part_what_keys_do_not, set_up),
-    cmocka_unit_test_setup(tangled_pictures_are_said, set_up), cmocka_unit_test_setup(copies_are_one, set_up),
-    cmocka_unit_test_setup(segmentations_stay_together, set_up),
-    cmocka_unit_test_setup(a_piece_is_opened_only_for_who_asks, set_up),
-    cmocka_unit_test_setup(volumes_are_named, set_up), cmocka_unit_test_setup(nonsense_is_no_crash, set_up)};
-  return cmocka_run_group_tests(tests, NULL, NULL);
-}
+TESTS(NULL, NULL)

@@ -88,7 +88,7 @@ static void check_volume(const char *folder, int time) {
   tc_volume_unref(v);
 }
 
-static void slices_come_apart(void **state) {
+TEST(slices_come_apart) {
   for (int up = 1; up >= -1; up -= 2) {
     char *folder = temp_folder();
     for (int time = 1; time <= TIMES; time++) write_time(folder, time, "7", up);
@@ -98,7 +98,7 @@ static void slices_come_apart(void **state) {
   }
 }
 
-static void others_are_refused(void **state) {
+TEST(others_are_refused) {
   static const struct {
     const char *images;
     double normal;
@@ -116,7 +116,4 @@ static void others_are_refused(void **state) {
   }
 }
 
-int main(void) {
-  const struct CMUnitTest tests[] = {TEST(slices_come_apart), TEST(others_are_refused)};
-  return cmocka_run_group_tests(tests, NULL, NULL);
-}
+TESTS(NULL, NULL)

@@ -267,7 +267,7 @@ static const struct {
     {"tangled", tangled, 4}};
 
 /* Each kind in its variants, each in one of four planes. */
-static void nasty_series(void **state) {
+TEST(nasty_series) {
   int series = 0;
   for (size_t k = 0; k < G_N_ELEMENTS(kinds); k++)
     for (int variant = 0; variant < kinds[k].variants; variant++) {
@@ -283,7 +283,7 @@ static void nasty_series(void **state) {
 }
 
 /* Who wants no slice made up gets none. */
-static void bridging_can_be_refused(void **state) {
+TEST(bridging_can_be_refused) {
   tc_import_options strict = with_helper;
   nasty c = start(0);
   GError *error = NULL;
@@ -302,7 +302,7 @@ static void bridging_can_be_refused(void **state) {
   g_array_free(c.shots, TRUE);
 }
 
-static void a_wrong_choice(void **state) {
+TEST(a_wrong_choice) {
   nasty c = start(0);
   GError *error = NULL;
   char *folder = temp_folder();
@@ -332,7 +332,4 @@ static void a_wrong_choice(void **state) {
   g_array_free(c.shots, TRUE);
 }
 
-int main(void) {
-  const struct CMUnitTest tests[] = {TEST(nasty_series), TEST(bridging_can_be_refused), TEST(a_wrong_choice)};
-  return cmocka_run_group_tests(tests, NULL, NULL);
-}
+TESTS(NULL, NULL)

@@ -20,7 +20,7 @@ static tc_dicom_samples grey(int allocated, int stored, int high, bool is_signed
                             .per_pixel = 1};
 }
 
-static void bits_outside_the_pixel_are_cut(void **state) {
+TEST(bits_outside_the_pixel_are_cut) {
   /* 12 bits stored at 11..0 with an overlay in the top bits, unsigned and signed. */
   const uint8_t bytes[8] = {0xff, 0xff, 0x00, 0xf8, 0x01, 0x10, 0x34, 0xa2};
   tc_dicom_samples s = grey(16, 12, 11, false);
@@ -44,7 +44,7 @@ static void bits_outside_the_pixel_are_cut(void **state) {
   assert_memory_equal(i, want_i, sizeof i);
 }
 
-static void every_width_converts(void **state) {
+TEST(every_width_converts) {
   const uint8_t bytes[32] = {0xfe, 0xff, 0xff, 0xff, 0xff, 0xff, 0xff, 0xff, 5};
   double want[4] = {-2, 5, 0, 0};
   tc_dicom_samples s = grey(64, 64, 63, true);
@@ -66,7 +66,7 @@ static void every_width_converts(void **state) {
   assert_false(tc_dicom_convert(&s, narrow, 3, 0, &target, i8));
 }
 
-static void single_bits_become_labels(void **state) {
+TEST(single_bits_become_labels) {
   const uint8_t bytes[2] = {0x50, 0x01}; /* from bit 3: 0 1 0 1 */
   tc_dicom_samples s = grey(1, 1, 0, false);
   uint16_t out[4] = {9, 0, 9, 9};
@@ -79,7 +79,7 @@ static void single_bits_become_labels(void **state) {
   tc_overlaps_finish(&overlaps);
 }
 
-static void colours_become_luma(void **state) {
+TEST(colours_become_luma) {
   const uint8_t pixels[12] = {255, 0, 0, 0, 255, 0, 0, 0, 255, 255, 255, 255};
   const uint8_t planes[12] = {255, 0, 0, 255, 0, 255, 0, 255, 0, 0, 255, 255};
   static const uint8_t want[4] = {54, 182, 18, 255}; /* 0.2126 0.7152 0.0722 of 255, rounded */
@@ -95,7 +95,7 @@ static void colours_become_luma(void **state) {
   assert_memory_equal(out, want, 4);
 }
 
-static void odd_formats_are_not_valid(void **state) {
+TEST(odd_formats_are_not_valid) {
   tc_dicom_samples s = grey(16, 12, 11, false);
   assert_true(tc_dicom_samples_valid(&s));
   s = grey(16, 17, 16, false);
@@ -122,7 +122,7 @@ static GByteArray *small_zip(void) {
   return zip_end(&z);
 }
 
-static void zip_members_read_back(void **state) {
+TEST(zip_members_read_back) {
   GByteArray *b = small_zip();
   tc_dicom_zip zip;
   uint8_t out[64];
@@ -156,7 +156,7 @@ static void read_all_members(const uint8_t *bytes, size_t size) {
   tc_dicom_zip_finish(&zip);
 }
 
-static void damaged_zips_are_errors(void **state) {
+TEST(damaged_zips_are_errors) {
   GByteArray *b = small_zip();
   for (guint n = 0; n < b->len; n++) { /* no prefix is a zip; the copy is exact so that an over-read is seen */
     uint8_t *cut = g_memdup2(b->data, n);
@@ -177,7 +177,7 @@ static void damaged_zips_are_errors(void **state) {
   g_byte_array_free(b, TRUE);
 }
 
-static void a_wrong_checksum_is_seen(void **state) {
+TEST(a_wrong_checksum_is_seen) {
   GByteArray *b = small_zip();
   tc_dicom_zip zip;
   uint8_t out[64];
@@ -259,7 +259,7 @@ static tc_volume *hear(const uint8_t *bytes, size_t size, uint64_t most, GError 
   return tc_wire_load(&reader, error);
 }
 
-static void a_volume_crosses_the_wire(void **state) {
+TEST(a_volume_crosses_the_wire) {
   uint8_t bytes[2048];
   tc_volume_desc desc = small_desc();
   size_t n = say(bytes, sizeof bytes, &desc, &small_from, 24);
@@ -293,7 +293,7 @@ static void a_volume_crosses_the_wire(void **state) {
   }
 }
 
-static void lies_about_the_volume_are_refused(void **state) {
+TEST(lies_about_the_volume_are_refused) {
   uint8_t bytes[2048];
   tc_volume_desc good = small_desc();
   for (int lie = 0; lie < 19; lie++) {
@@ -327,7 +327,7 @@ static void lies_about_the_volume_are_refused(void **state) {
   }
 }
 
-static void text_from_the_helper_is_tamed(void **state) {
+TEST(text_from_the_helper_is_tamed) {
   int fd[2];
   uint8_t bytes[1024];
   assert_int_equal(pipe(fd), 0);
@@ -342,7 +342,7 @@ static void text_from_the_helper_is_tamed(void **state) {
   g_error_free(error);
 }
 
-static void slots_that_are_none_are_refused(void **state) {
+TEST(slots_that_are_none_are_refused) {
   static const struct { unsigned slot; size_t bytes; } lies[] = {{TC_WIRE_SLOTS, 24}, {UINT_MAX, 24}, {0, 25},
                                                                  {0, TC_WIRE_SLOT_BYTES + 1}};
   for (size_t i = 0; i < G_N_ELEMENTS(lies); i++) {
@@ -365,7 +365,7 @@ static void slots_that_are_none_are_refused(void **state) {
 
 static bool never(void *user, double fraction) { return false; }
 
-static void the_caller_can_cancel(void **state) {
+TEST(the_caller_can_cancel) {
   uint8_t bytes[2048];
   tc_volume_desc desc = small_desc();
   memory m = {bytes, say(bytes, sizeof bytes, &desc, &small_from, 24), 0};
@@ -376,11 +376,4 @@ static void the_caller_can_cancel(void **state) {
   g_error_free(error);
 }
 
-int main(void) {
-  const struct CMUnitTest tests[] = {TEST(bits_outside_the_pixel_are_cut), TEST(every_width_converts),
-    TEST(single_bits_become_labels), TEST(colours_become_luma), TEST(odd_formats_are_not_valid),
-    TEST(zip_members_read_back), TEST(damaged_zips_are_errors), TEST(a_wrong_checksum_is_seen),
-    TEST(a_volume_crosses_the_wire), TEST(lies_about_the_volume_are_refused), TEST(slots_that_are_none_are_refused),
-    TEST(text_from_the_helper_is_tamed), TEST(the_caller_can_cancel)};
-  return cmocka_run_group_tests(tests, NULL, NULL);
-}
+TESTS(NULL, NULL)

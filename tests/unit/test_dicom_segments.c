@@ -129,7 +129,7 @@ static void assert_color(const tc_segment *s, double r, double g, double b) {
 
 /* ---- DICOM SEG ---- */
 
-static void overlapping_segments_are_kept(void **state) {
+TEST(overlapping_segments_are_kept) {
   /* 4 x 4 bits a frame; at z = 0 segments 2 and 1 share a pixel, at z = 2 segments 1, 2 and 3 do. */
   static const uint8_t bits[] = {0x03, 0x00, 0x06, 0x00, 0x01, 0x00, 0x01, 0x00, 0x01, 0x80};
   static const double z[] = {0, 0, 2, 2, 2};
@@ -155,7 +155,7 @@ static void overlapping_segments_are_kept(void **state) {
   tc_volume_unref(v);
 }
 
-static void label_maps(void **state) {
+TEST(label_maps) {
   static const uint8_t labels[] = {0, 1, 2, 0, 3, 0, 0, 0, 0};
   static const double z[] = {5};
   static const unsigned none[] = {0};
@@ -166,7 +166,7 @@ static void label_maps(void **state) {
 }
 
 /* Labels where a fraction is at least half, said; the fractions themselves as a volume for each segment. */
-static void fractions_are_kept(void **state) {
+TEST(fractions_are_kept) {
   static const uint8_t parts[] = {0, 127, 128, 255, 0, 0, 0, 0, 0, /* at z = 5 of segment 1, then of 2, then 1 at z = 7 */
                                   51, 0, 0, 128, 0, 0, 0, 0, 0, 102, 0, 0, 0, 0, 0, 0, 0, 0};
   static const double z[] = {5, 5, 7};
@@ -266,7 +266,7 @@ static size_t count_of(const tc_volume *v, uint32_t segment, int z) {
   return n;
 }
 
-static void contours_far_away_are_refused(void **state) {
+TEST(contours_far_away_are_refused) {
   static const ring far = {1, 2e9, 20, 40, 0};
   GError *error = NULL;
   assert_null(try_bytes(structures(&far, 1, "1.2.3.1"), "far.dcm", &error));
@@ -275,7 +275,7 @@ static void contours_far_away_are_refused(void **state) {
 }
 
 /* Areas of discs and of a disc with a hole, on a grid of their planes, against pi r^2. */
-static void contours_fill_their_area(void **state) {
+TEST(contours_fill_their_area) {
   static const ring rings[] = {{1, 10, 20, 40, 0}, {1, 10, 20, 40, 3}, {1, 10, 20, 40, 6}, {2, 10, 20, 30, 3}, {2, 10, 20, 20, 3}};
   tc_volume *v = open_bytes(structures(rings, 5, "1.2.3.1"), "rt.dcm");
   const tc_volume_desc *d = tc_volume_describe(v);
@@ -291,7 +291,7 @@ static void contours_fill_their_area(void **state) {
 }
 
 /* On the grid of the series they were drawn on: which voxels, one by one, against the distance from the centre. */
-static void contours_lie_on_the_series_beside(void **state) {
+TEST(contours_lie_on_the_series_beside) {
   enum { SIDE = 40, SLICES = 5 };
   static const ring rings[] = {{1, 12.3, 9.1, 6.2, 4}, {1, 12.3, 9.1, 6.2, 8}, {2, 12.3, 9.1, 3, 8}};
   int16_t pixels[SIDE * SIDE] = {0};
@@ -337,7 +337,7 @@ static void contours_lie_on_the_series_beside(void **state) {
 
 /* ---- layered NRRD ---- */
 
-static void layers_of_slicer(void **state) {
+TEST(layers_of_slicer) {
   static const char head[] =
       "NRRD0004\ntype: unsigned char\ndimension: 4\nspace: left-posterior-superior\nsizes: 2 3 2 1\nkinds: list domain domain domain\n"
       "space directions: none (1,0,0) (0,1,0) (0,0,1)\nencoding: raw\n"
@@ -365,7 +365,7 @@ static void layers_of_slicer(void **state) {
 /* ---- combinations ---- */
 
 /* Labels of random stamps name exactly the segments that were stamped, one label a set. */
-static void combinations_are_exact(void **state) {
+TEST(combinations_are_exact) {
   enum { SEGMENTS = 9, VOXELS = 400 };
   tc_overlaps o;
   uint32_t labels[VOXELS] = {0}, sets[VOXELS] = {0};
@@ -393,9 +393,4 @@ static void combinations_are_exact(void **state) {
   tc_overlaps_finish(&o);
 }
 
-int main(void) {
-  const struct CMUnitTest tests[] = {TEST(overlapping_segments_are_kept), TEST(label_maps), TEST(fractions_are_kept),
-    TEST(contours_far_away_are_refused), TEST(contours_fill_their_area), TEST(contours_lie_on_the_series_beside),
-    TEST(layers_of_slicer), TEST(combinations_are_exact)};
-  return cmocka_run_group_tests(tests, make_folder, remove_folder);
-}
+TESTS(make_folder, remove_folder)

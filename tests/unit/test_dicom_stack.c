@@ -35,7 +35,7 @@ static bool make(const tc_dicom_slice *s, size_t n, tc_dicom_stack *stack, GErro
   return tc_dicom_stack_make(s, all, n, stack, error);
 }
 
-static void sorts_by_position(void **state) {
+TEST(sorts_by_position) {
   tc_dicom_slice s[7], shuffled[7];
   static const int order[7] = {3, 0, 6, 1, 5, 2, 4};
   tc_dicom_stack stack;
@@ -60,7 +60,7 @@ static void sorts_by_position(void **state) {
 }
 
 /* Whatever the orientation, the grid must give back every slice's own position. */
-static void positions_come_back(void **state) {
+TEST(positions_come_back) {
   static const double planes[4][6] = {
       {1, 0, 0, 0, 1, 0}, {0, 1, 0, 0, 0, -1}, {-1, 0, 0, 0, 1, 0}, {0.6, 0.8, 0, -0.48, 0.36, 0.8}};
   for (int p = 0; p < 4; p++) {
@@ -107,7 +107,7 @@ static void check_heights(const tc_dicom_slice *s, const tc_dicom_stack *stack) 
   }
 }
 
-static void one_missing_slice_is_bridged(void **state) {
+TEST(one_missing_slice_is_bridged) {
   tc_dicom_slice s[10];
   tc_dicom_stack stack;
   axial(s, 10, 3);
@@ -124,7 +124,7 @@ static void one_missing_slice_is_bridged(void **state) {
   tc_dicom_stack_finish(&stack);
 }
 
-static void more_missing_slices_are_an_error(void **state) {
+TEST(more_missing_slices_are_an_error) {
   tc_dicom_slice s[12];
   tc_dicom_stack stack;
   GError *error = NULL;
@@ -144,7 +144,7 @@ static void more_missing_slices_are_an_error(void **state) {
   g_error_free(error);
 }
 
-static void small_differences_keep_the_mean(void **state) {
+TEST(small_differences_keep_the_mean) {
   tc_dicom_slice s[10];
   tc_dicom_stack stack;
   axial(s, 10, 3);
@@ -157,7 +157,7 @@ static void small_differences_keep_the_mean(void **state) {
 }
 
 /* Steps that vary: every layer shows what lies at its height, the first and the last slice stay where they are. */
-static void varying_steps_are_resampled(void **state) {
+TEST(varying_steps_are_resampled) {
   static const double steps[4][7] = {{3, 3, 3.75, 2.25, 3, 3, 3}, /* one slice off its place */
                                      {2.5, 2.5, 2.5, 5, 5, 5, 5}, /* thin, then thick: nothing is missing */
                                      {4.22, 4.22, 4.22, 1.14, 7.38, 7.38, 7.38},
@@ -184,7 +184,7 @@ static void varying_steps_are_resampled(void **state) {
     }
 }
 
-static void shared_positions_are_no_stack(void **state) {
+TEST(shared_positions_are_no_stack) {
   tc_dicom_slice s[6];
   tc_dicom_stack stack;
   GError *error = NULL;
@@ -195,7 +195,7 @@ static void shared_positions_are_no_stack(void **state) {
   g_error_free(error);
 }
 
-static void off_the_line(void **state) {
+TEST(off_the_line) {
   tc_dicom_slice s[10];
   tc_dicom_stack stack;
   GError *error = NULL;
@@ -206,7 +206,7 @@ static void off_the_line(void **state) {
   g_error_free(error);
 }
 
-static void without_positions(void **state) {
+TEST(without_positions) {
   tc_dicom_slice s[4];
   tc_dicom_stack stack;
   axial(s, 4, 3);
@@ -224,7 +224,7 @@ static void without_positions(void **state) {
   tc_dicom_stack_finish(&stack);
 }
 
-static void one_slice(void **state) {
+TEST(one_slice) {
   tc_dicom_slice s[1];
   tc_dicom_stack stack;
   axial(s, 1, 1);
@@ -235,7 +235,7 @@ static void one_slice(void **state) {
   tc_dicom_stack_finish(&stack);
 }
 
-static void segmentations_may_have_gaps(void **state) {
+TEST(segmentations_may_have_gaps) {
   tc_dicom_slice s[5];
   tc_dicom_stack stack;
   static const double at[5] = {0, 2.5, 2.5, 7.5, 10};
@@ -257,7 +257,7 @@ static void segmentations_may_have_gaps(void **state) {
   tc_dicom_stack_finish(&stack);
 }
 
-static void nonsense_is_no_crash(void **state) {
+TEST(nonsense_is_no_crash) {
   tc_dicom_slice s[MOST];
   uint32_t seed = 1;
   for (int round = 0; round < 2000; round++) {
@@ -279,10 +279,4 @@ static void nonsense_is_no_crash(void **state) {
   }
 }
 
-int main(void) {
-  const struct CMUnitTest tests[] = {TEST(sorts_by_position), TEST(positions_come_back),
-    TEST(one_missing_slice_is_bridged), TEST(more_missing_slices_are_an_error), TEST(small_differences_keep_the_mean),
-    TEST(varying_steps_are_resampled), TEST(shared_positions_are_no_stack), TEST(off_the_line),
-    TEST(without_positions), TEST(one_slice), TEST(segmentations_may_have_gaps), TEST(nonsense_is_no_crash)};
-  return cmocka_run_group_tests(tests, NULL, NULL);
-}
+TESTS(NULL, NULL)

@@ -18,7 +18,7 @@ static void check(const tc_dicom_suv *s, double wanted) {
   if (!(fabs(factor - wanted) <= 1e-12 * wanted)) fail_msg("%.15g, wanted %.15g (%s)", factor, wanted, missing);
 }
 
-static void factors(void **state) {
+TEST(factors) {
   const double plain = 70000 / 350e6;
   tc_dicom_suv s = usual;
   check(&s, plain * decayed(3600));
@@ -45,7 +45,7 @@ static void factors(void **state) {
   check(&s, 0.0125);
 }
 
-static void refusals(void **state) {
+TEST(refusals) {
   tc_dicom_suv bad[11];
   const char *missing;
   for (int i = 0; i < 11; i++) bad[i] = usual;
@@ -66,7 +66,4 @@ static void refusals(void **state) {
   }
 }
 
-int main(void) {
-  const struct CMUnitTest tests[] = {TEST(factors), TEST(refusals)};
-  return cmocka_run_group_tests(tests, NULL, NULL);
-}
+TESTS(NULL, NULL)

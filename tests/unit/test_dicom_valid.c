@@ -201,7 +201,7 @@ static void ramp(uint32_t *pixels, int n, unsigned bits) {
     pixels[i] = (uint32_t)((uint64_t)i * 2654435761u >> 5) & (uint32_t)((UINT64_C(1) << bits) - 1);
 }
 
-static void without_file_meta(void **state) {
+TEST(without_file_meta) {
   uint32_t values[PIXELS];
   uint16_t pixels[PIXELS];
   ramp(values, PIXELS, 12);
@@ -212,7 +212,7 @@ static void without_file_meta(void **state) {
 }
 
 /* Doses are of 32 bits; of one frame they are no other pictures than of several. */
-static void doses_of_one_frame(void **state) {
+TEST(doses_of_one_frame) {
   uint32_t values[PIXELS];
   ramp(values, PIXELS, 31);
   dicom_spec s = spec_of(32, 1, values);
@@ -229,7 +229,7 @@ static void doses_of_one_frame(void **state) {
 }
 
 /* Projections have no place, and often no spacing. */
-static void lossless_jpeg_of_every_depth(void **state) {
+TEST(lossless_jpeg_of_every_depth) {
   static const unsigned depths[] = {8, 10, 12, 14, 16};
   for (size_t i = 0; i < G_N_ELEMENTS(depths); i++) {
     uint32_t values[PIXELS];
@@ -245,7 +245,7 @@ static void lossless_jpeg_of_every_depth(void **state) {
   }
 }
 
-static void colours_in_run_lengths(void **state) {
+TEST(colours_in_run_lengths) {
   for (unsigned bits = 8; bits <= 16; bits += 8) {
     uint32_t values[3 * PIXELS];
     ramp(values, 3 * PIXELS, bits);
@@ -268,7 +268,7 @@ static void colours_in_run_lengths(void **state) {
 }
 
 /* Pixels that are alike are stored once; a code of -128 says nothing. */
-static void runs_are_repeated(void **state) {
+TEST(runs_are_repeated) {
   uint32_t values[PIXELS] = {0};
   const uint8_t runs[] = {0x80, (uint8_t)(1 - PIXELS / 2), 7, PIXELS - PIXELS / 2 - 1};
   GByteArray *packed = run_lengths(values, 0, 0);
@@ -285,7 +285,7 @@ static void runs_are_repeated(void **state) {
 }
 
 /* Samples of 12 bits from -8 on stand for optical densities: those beyond the table's ends have its ends. */
-static void lookup_tables_are_applied(void **state) {
+TEST(lookup_tables_are_applied) {
   enum { ENTRIES = 20 };
   const uint16_t shape[3] = {ENTRIES, (uint16_t)-8, 16};
   uint16_t table[ENTRIES];
@@ -316,7 +316,7 @@ static void lookup_tables_are_applied(void **state) {
 }
 
 /* Of 16 bits a slice shows the nearest of eight. */
-static void wide_colours_are_colours(void **state) {
+TEST(wide_colours_are_colours) {
   uint16_t pixels[3 * PIXELS];
   for (int i = 0; i < PIXELS; i++) pixels[3 * i] = 51 * 257, pixels[3 * i + 1] = 65535, pixels[3 * i + 2] = 300;
   dicom_spec s = spec_of(16, 3, pixels);
@@ -330,17 +330,11 @@ static void wide_colours_are_colours(void **state) {
   tc_volume_unref(v);
 }
 
-static void an_absurd_place(void **state) {
+TEST(an_absurd_place) {
   const uint16_t pixels[PIXELS] = {0, 1};
   dicom_spec s = spec_of(16, 1, pixels);
   s.position[1] = 1e12;
   refuse_bytes(dicom_bytes(&s), TC_ERROR_FORMAT, "absurd");
 }
 
-int main(void) {
-  const struct CMUnitTest tests[] = {
-      TEST(without_file_meta),        TEST(doses_of_one_frame), TEST(lossless_jpeg_of_every_depth),
-      TEST(colours_in_run_lengths),   TEST(runs_are_repeated),  TEST(lookup_tables_are_applied),
-      TEST(wide_colours_are_colours), TEST(an_absurd_place)};
-  return cmocka_run_group_tests(tests, make_folder, remove_folder);
-}
+TESTS(make_folder, remove_folder)

@@ -8,7 +8,7 @@ static void close_to(const char *what, double got, double wanted, double toleran
 }
 
 /* The supplementary pairs of Sharma, Wu and Dalal, 2005: they sit on every discontinuity of the formula. */
-static void ciede2000_published_pairs(void **state) {
+TEST(ciede2000_published_pairs) {
   static const double pairs[][7] = {{50, 2.6772, -79.7751, 50, 0, -82.7485, 2.0425},
                                     {50, 3.1571, -77.2803, 50, 0, -82.7485, 2.8615},
                                     {50, 2.8361, -74.0200, 50, 0, -82.7485, 3.4412},
@@ -51,7 +51,7 @@ static void ciede2000_published_pairs(void **state) {
 }
 
 /* Values as every colour calculator gives them for the sRGB primaries under D65. */
-static void lab_of_known_colours(void **state) {
+TEST(lab_of_known_colours) {
   static const double known[][6] = {{1, 1, 1, 100, 0, 0},
                                     {0, 0, 0, 0, 0, 0},
                                     {1, 0, 0, 53.2408, 80.0925, 67.2032},
@@ -67,7 +67,7 @@ static void lab_of_known_colours(void **state) {
 
 enum { SIDE = 16, PIXELS = SIDE * SIDE };
 
-static void ssim_of_known_pictures(void **state) {
+TEST(ssim_of_known_pictures) {
   float a[PIXELS], b[PIXELS];
   for (int i = 0; i < PIXELS; i++) a[i] = (float)((i * 37 % 101) / 100.0);
   close_to("alike", tcs_ssim(a, a, SIDE, SIDE), 1, 1e-12);
@@ -91,7 +91,7 @@ static void ssim_of_known_pictures(void **state) {
   close_to("2x2", tcs_ssim(p, q, 2, 2), (2 * 0.25 + c1) * (0 + c2) / ((0.5 + c1) * (0.5 + c2)), 1e-9);
 }
 
-static void rms_percentile_and_maximum(void **state) {
+TEST(rms_percentile_and_maximum) {
   enum { N = 2000 };
   static float a[4 * N], b[4 * N];
   memset(a, 0, sizeof a);
@@ -116,7 +116,7 @@ static void rms_percentile_and_maximum(void **state) {
 
 /* The interval holds the true value about 19 times of 20: 400 samples of a known distribution (a pixel is off by 1 with
  * probability 1/8, so the true mean square over four equal channels is 1/8). */
-static void interval_holds_the_truth(void **state) {
+TEST(interval_holds_the_truth) {
   enum { TRIALS = 400, N = 500 };
   static float a[4 * N], b[4 * N];
   uint64_t s = 12345;
@@ -134,7 +134,7 @@ static void interval_holds_the_truth(void **state) {
   assert_in_range(held, 360, 398); /* 380 expected, standard deviation 4.4 */
 }
 
-static void pictures_are_judged_as_shown(void **state) {
+TEST(pictures_are_judged_as_shown) {
   float clear[4 * PIXELS] = {0}, solid[4 * PIXELS];
   const tcs_look look = {{0.2, 0.4, 0.6}, false}, light = {{0.2, 0.4, 0.6}, true};
   for (int i = 0; i < PIXELS; i++)
@@ -148,9 +148,4 @@ static void pictures_are_judged_as_shown(void **state) {
   assert_true(d.ciede > 1); /* in linear light 0.2 is another colour */
 }
 
-int main(void) {
-  const struct CMUnitTest tests[] = {TEST(ciede2000_published_pairs), TEST(lab_of_known_colours),
-    TEST(ssim_of_known_pictures), TEST(rms_percentile_and_maximum), TEST(interval_holds_the_truth),
-    TEST(pictures_are_judged_as_shown)};
-  return cmocka_run_group_tests(tests, NULL, NULL);
-}
+TESTS(NULL, NULL)

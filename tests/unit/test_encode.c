@@ -75,7 +75,7 @@ static jpeg decode_jpeg(fixture *f) {
   return j;
 }
 
-static void jpeg_keeps_the_picture(void **state) {
+TEST_WITH(jpeg_keeps_the_picture, set_up, tear_down) {
   fixture *f = *state;
   f->scene.image.subsampling = TC_SUBSAMPLING_444;
   encode(f, 95);
@@ -84,7 +84,7 @@ static void jpeg_keeps_the_picture(void **state) {
   if (j.worst > 10) fail_msg("a pixel is %d levels off", j.worst);
 }
 
-static void subsampling_follows_quality(void **state) {
+TEST_WITH(subsampling_follows_quality, set_up, tear_down) {
   fixture *f = *state;
   static const struct {
     tc_subsampling asked;
@@ -99,7 +99,7 @@ static void subsampling_follows_quality(void **state) {
   }
 }
 
-static void quality_override_counts(void **state) {
+TEST_WITH(quality_override_counts, set_up, tear_down) {
   fixture *f = *state;
   encode(f, 95);
   guint large = f->out->len;
@@ -111,7 +111,7 @@ static void quality_override_counts(void **state) {
   assert_int_equal(f->out->len, small);
 }
 
-static void grey_pictures_of_grey_modes_are_grey(void **state) {
+TEST_WITH(grey_pictures_of_grey_modes_are_grey, set_up, tear_down) {
   fixture *f = *state;
   fill(&f->frame, true);
   static const struct {
@@ -151,7 +151,7 @@ static uint8_t *decode_png(fixture *f, int color_type) {
   return pixels;
 }
 
-static void png_is_exact(void **state) {
+TEST_WITH(png_is_exact, set_up, tear_down) {
   fixture *f = *state;
   f->scene.image.format = TC_FORMAT_PNG;
   encode(f, 0);
@@ -161,7 +161,7 @@ static void png_is_exact(void **state) {
   g_free(pixels);
 }
 
-static void transparent_png_is_exact(void **state) {
+TEST_WITH(transparent_png_is_exact, set_up, tear_down) {
   fixture *f = *state;
   f->scene.image.format = TC_FORMAT_PNG;
   f->scene.image.transparent = true;
@@ -171,7 +171,7 @@ static void transparent_png_is_exact(void **state) {
   g_free(pixels);
 }
 
-static void refuses_transparent_jpeg(void **state) {
+TEST_WITH(refuses_transparent_jpeg, set_up, tear_down) {
   fixture *f = *state;
   GError *error = NULL;
   f->scene.image.transparent = true;
@@ -184,7 +184,7 @@ static void refuses_transparent_jpeg(void **state) {
 }
 
 /* One encoder, pictures of growing and shrinking size: the scratch buffer must follow. */
-static void sizes_change(void **state) {
+TEST_WITH(sizes_change, set_up, tear_down) {
   fixture *f = *state;
   for (int i = 0; i < 6; i++) {
     static const int sizes[6][2] = {{1, 1}, {WIDTH, HEIGHT}, {1, HEIGHT}, {WIDTH, 1}, {2, 2}, {WIDTH, HEIGHT}};
@@ -202,7 +202,7 @@ static void sizes_change(void **state) {
 }
 
 /* TJ_PROGRESSIVE and its kin would change what is written behind our back. */
-static void environment_is_cleaned(void **state) {
+TEST(environment_is_cleaned) {
   setenv("TJ_RESTART", "1", 1);
   setenv("TJ_PROGRESSIVE", "1", 1);
   setenv("TJX", "stays", 1);
@@ -212,12 +212,4 @@ static void environment_is_cleaned(void **state) {
   assert_string_equal(getenv("TJX"), "stays");
 }
 
-#define WITH_FRAME(test) cmocka_unit_test_setup_teardown(test, set_up, tear_down)
-
-int main(void) {
-  const struct CMUnitTest tests[] = {WITH_FRAME(jpeg_keeps_the_picture), WITH_FRAME(subsampling_follows_quality),
-    WITH_FRAME(quality_override_counts), WITH_FRAME(grey_pictures_of_grey_modes_are_grey), WITH_FRAME(png_is_exact),
-    WITH_FRAME(transparent_png_is_exact), WITH_FRAME(refuses_transparent_jpeg), WITH_FRAME(sizes_change),
-    TEST(environment_is_cleaned)};
-  return cmocka_run_group_tests(tests, NULL, NULL);
-}
+TESTS(NULL, NULL)

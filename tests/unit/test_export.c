@@ -59,7 +59,7 @@ static void check_same(const tc_volume *a, const tc_volume *b, const char *name)
       }
 }
 
-static void volumes_come_back(void **state) {
+TEST(volumes_come_back) {
   static const char *const names[] = {"v.nrrd", "z.nrrd", "v.mha", "v.nii", "v.NII.GZ"};
   static const struct {
     tc_voxel_type type;
@@ -111,7 +111,7 @@ static char *write_mesh(const tc_mesh *m, const char *name, bool ascii, gsize *s
   return bytes;
 }
 
-static void ply_holds_the_mesh(void **state) {
+TEST(ply_holds_the_mesh) {
   for (int far = 0; far < 2; far++) {
     tc_mesh *m = tetrahedron(far ? 1e7 + 0.0625 : 0.0625);
     gsize size;
@@ -140,7 +140,7 @@ static void ply_holds_the_mesh(void **state) {
   }
 }
 
-static void stl_and_obj_hold_the_mesh(void **state) {
+TEST(stl_and_obj_hold_the_mesh) {
   tc_mesh *m = tetrahedron(2);
   gsize size;
   char *bytes = write_mesh(m, "m.stl", false, &size);
@@ -164,7 +164,7 @@ static void stl_and_obj_hold_the_mesh(void **state) {
 
 /* ---- failures ---- */
 
-static void a_failure_keeps_what_was_there(void **state) {
+TEST(a_failure_keeps_what_was_there) {
   tc_volume *v = make(TC_U8, 1, 0);
   char *path = path_of("taken.nrrd"), *inside = g_build_filename(path, "kept", NULL);
   GError *error = NULL;
@@ -188,8 +188,4 @@ static void a_failure_keeps_what_was_there(void **state) {
   tc_volume_unref(v);
 }
 
-int main(void) {
-  const struct CMUnitTest tests[] = {TEST(volumes_come_back), TEST(ply_holds_the_mesh),
-    TEST(stl_and_obj_hold_the_mesh), TEST(a_failure_keeps_what_was_there)};
-  return cmocka_run_group_tests(tests, make_folder, remove_folder);
-}
+TESTS(make_folder, remove_folder)

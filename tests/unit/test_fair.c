@@ -92,7 +92,7 @@ static double jain(const world *w) {
   return sum * sum / (w->n * squares);
 }
 
-static void test_equal_jobs_share_equally(void **state) {
+TEST(test_equal_jobs_share_equally) {
   world w = {.fair = tcs_fair_new()};
   for (int i = 0; i < MOST; i++) add(&w, "a", TCS_CLASS_INTERACTIVE, 8, 0);
   run(&w, 60000);
@@ -101,7 +101,7 @@ static void test_equal_jobs_share_equally(void **state) {
   finish(&w);
 }
 
-static void test_unequal_jobs_share_time_not_turns(void **state) {
+TEST(test_unequal_jobs_share_time_not_turns) {
   static const double lengths[] = {1, 3, 8, 15, 33, 120, 700, 5000};
   world w = {.fair = tcs_fair_new()};
   for (int i = 0; i < 16; i++) add(&w, "a", TCS_CLASS_INTERACTIVE, lengths[i % 8], 0);
@@ -111,7 +111,7 @@ static void test_unequal_jobs_share_time_not_turns(void **state) {
   finish(&w);
 }
 
-static void test_a_pause_between_pictures_pays_no_debt(void **state) {
+TEST(test_a_pause_between_pictures_pays_no_debt) {
   world w = {.fair = tcs_fair_new()};
   client *heavy = add(&w, "a", TCS_CLASS_INTERACTIVE, 12, 0.5);
   for (int i = 0; i < 4; i++) add(&w, "a", TCS_CLASS_INTERACTIVE, 4, 0.5);
@@ -121,7 +121,7 @@ static void test_a_pause_between_pictures_pays_no_debt(void **state) {
   finish(&w);
 }
 
-static void test_peers_share_before_their_clients(void **state) {
+TEST(test_peers_share_before_their_clients) {
   world w = {.fair = tcs_fair_new()};
   client *alone = add(&w, "alone", TCS_CLASS_INTERACTIVE, 10, 0);
   for (int i = 0; i < 20; i++) add(&w, "many", TCS_CLASS_INTERACTIVE, 10, 0);
@@ -132,7 +132,7 @@ static void test_peers_share_before_their_clients(void **state) {
 }
 
 /* Closing a session and opening another after every picture. */
-static void test_coming_and_going_gains_nothing(void **state) {
+TEST(test_coming_and_going_gains_nothing) {
   world w = {.fair = tcs_fair_new()};
   for (int i = 0; i < 4; i++) add(&w, "a", TCS_CLASS_INTERACTIVE, 10, 0);
   client *churn = add(&w, "a", TCS_CLASS_INTERACTIVE, 10, 0);
@@ -150,7 +150,7 @@ static void test_coming_and_going_gains_nothing(void **state) {
   finish(&w);
 }
 
-static void test_what_is_dragged_waits_for_no_single_picture(void **state) {
+TEST(test_what_is_dragged_waits_for_no_single_picture) {
   world w = {.fair = tcs_fair_new()};
   for (int i = 0; i < 20; i++) add(&w, "batch", TCS_CLASS_SINGLE, 900, 0);
   client *drag = add(&w, "viewer", TCS_CLASS_INTERACTIVE, 6, 16);
@@ -162,7 +162,7 @@ static void test_what_is_dragged_waits_for_no_single_picture(void **state) {
 }
 
 /* What a hypervisor takes from one frame costs its client one wait, not as many as there are rivals. */
-static void test_a_stall_is_let_off(void **state) {
+TEST(test_a_stall_is_let_off) {
   world w = {.fair = tcs_fair_new()};
   for (int i = 0; i < 4; i++) add(&w, "a", TCS_CLASS_INTERACTIVE, 7, 1);
   run(&w, 2000);
@@ -182,7 +182,7 @@ static void test_a_stall_is_let_off(void **state) {
   finish(&w);
 }
 
-static void test_who_is_always_late_gains_little(void **state) {
+TEST(test_who_is_always_late_gains_little) {
   world w = {.fair = tcs_fair_new()};
   client *late = add(&w, "a", TCS_CLASS_INTERACTIVE, 12, 0);
   for (int i = 0; i < 3; i++) add(&w, "a", TCS_CLASS_INTERACTIVE, 12, 0);
@@ -193,7 +193,7 @@ static void test_who_is_always_late_gains_little(void **state) {
   finish(&w);
 }
 
-static void test_no_class_starves(void **state) {
+TEST(test_no_class_starves) {
   world w = {.fair = tcs_fair_new()};
   for (int i = 0; i < 8; i++) add(&w, "a", TCS_CLASS_INTERACTIVE, 9, 0);
   client *single = add(&w, "b", TCS_CLASS_SINGLE, 400, 0), *refine = add(&w, "a", TCS_CLASS_REFINE, 200, 0);
@@ -208,7 +208,7 @@ static void test_no_class_starves(void **state) {
 
 static bool accept_singles(void *client_user, tcs_class class, void *user) { return class == TCS_CLASS_SINGLE; }
 
-static void test_who_may_not_begin_is_passed_over(void **state) {
+TEST(test_who_may_not_begin_is_passed_over) {
   world w = {.fair = tcs_fair_new()};
   add(&w, "a", TCS_CLASS_INTERACTIVE, 5, 0);
   client *single = add(&w, "a", TCS_CLASS_SINGLE, 5, 0);
@@ -222,7 +222,7 @@ static void test_who_may_not_begin_is_passed_over(void **state) {
   finish(&w);
 }
 
-static void test_who_owes_is_remembered(void **state) {
+TEST(test_who_owes_is_remembered) {
   tcs_fair *fair = tcs_fair_new();
   tcs_fair_client *a = tcs_fair_join(fair, "x", NULL), *b = tcs_fair_join(fair, "x", NULL);
   tcs_fair_charge(a, TCS_CLASS_SINGLE, 100, 0);
@@ -234,17 +234,4 @@ static void test_who_owes_is_remembered(void **state) {
   tcs_fair_free(fair);
 }
 
-int main(void) {
-  const struct CMUnitTest tests[] = {TEST(test_equal_jobs_share_equally),
-                                     TEST(test_unequal_jobs_share_time_not_turns),
-                                     TEST(test_a_pause_between_pictures_pays_no_debt),
-                                     TEST(test_peers_share_before_their_clients),
-                                     TEST(test_coming_and_going_gains_nothing),
-                                     TEST(test_what_is_dragged_waits_for_no_single_picture),
-                                     TEST(test_a_stall_is_let_off),
-                                     TEST(test_who_is_always_late_gains_little),
-                                     TEST(test_no_class_starves),
-                                     TEST(test_who_may_not_begin_is_passed_over),
-                                     TEST(test_who_owes_is_remembered)};
-  return cmocka_run_group_tests(tests, NULL, NULL);
-}
+TESTS(NULL, NULL)

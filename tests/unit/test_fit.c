@@ -60,7 +60,7 @@ static double value_at(const tc_volume *volume, double x, double y, double z) {
   return value;
 }
 
-static void the_table_goes_and_all_else_stays(void **state) {
+TEST(the_table_goes_and_all_else_stays) {
   tc_volume *whole = filled(patient, 1), *body = body_of(whole);
   assert_non_null(body);
   assert_true(value_at(body, 28, 58, 30) != TABLE); /* air, or outside of what is left */
@@ -85,7 +85,7 @@ static int16_t lying(int x, int y, int z) {
   return within(x, y, 28, 30, 20) && !within(x, y, 28, 26, 12) ? FLESH : AIR;
 }
 
-static void a_table_that_is_touched_goes_too(void **state) {
+TEST(a_table_that_is_touched_goes_too) {
   tc_volume *whole = filled(lying, 1), *body = body_of(whole);
   assert_non_null(body);
   static const int gone[][2] = {{5, 49}, {10, 53}, {28, 53}, {45, 53}, {62, 52}, {20, 56}};
@@ -113,7 +113,7 @@ static int16_t leafy(int x, int y, int z) {
   return y == 13 && within(x, z, 30, 30, 28) ? 95 : all > 80 && all < 110 ? 0 : all;
 }
 
-static void what_lies_on_a_faint_board_is_left_alone_with_it(void **state) {
+TEST(what_lies_on_a_faint_board_is_left_alone_with_it) {
   tc_volume *whole = filled_as(fainter, 1, "", 0), *body = body_of(whole);
   assert_non_null(body);
   static const int gone[][2] = {{10, 50}, {30, 50}, {55, 50}, {3, 53}};
@@ -128,7 +128,7 @@ static void what_lies_on_a_faint_board_is_left_alone_with_it(void **state) {
   tc_volume_unref(whole);
 }
 
-static void without_units_only_what_is_behind_is_a_table(void **state) {
+TEST(without_units_only_what_is_behind_is_a_table) {
   const phantom all[] = {leafy, mask, fainter};
   const char *const modality[] = {"", "", "MR"};
   for (size_t i = 0; i < sizeof all / sizeof *all; i++) {
@@ -140,7 +140,7 @@ static void without_units_only_what_is_behind_is_a_table(void **state) {
 
 static int16_t nobody(int x, int y, int z) { return within(x, y, 32, 32, 20) ? FLESH + (x + y + z) % 400 : AIR; }
 
-static void who_lies_on_nothing_is_left_alone(void **state) {
+TEST(who_lies_on_nothing_is_left_alone) {
   tc_volume *whole = filled(nobody, 1);
   assert_null(body_of(whole));
   tc_volume_unref(whole);
@@ -153,7 +153,7 @@ static bool refused(void *user, uint64_t bytes) {
   return false;
 }
 
-static void it_stops_and_takes_no_memory_unasked(void **state) {
+TEST(it_stops_and_takes_no_memory_unasked) {
   tc_volume *whole = filled(patient, 1);
   tc_fit fit;
   tc_fit_find(&fit, whole);
@@ -168,7 +168,7 @@ static void it_stops_and_takes_no_memory_unasked(void **state) {
 
 static int16_t noise(int x, int y, int z) { return (x + y + z) % 2 ? FLESH : AIR; }
 
-static void too_many_parts_are_not_told_apart(void **state) {
+TEST(too_many_parts_are_not_told_apart) {
   tc_volume *whole = filled(noise, 1);
   assert_null(body_of(whole));
   tc_volume_unref(whole);
@@ -188,7 +188,7 @@ static tc_volume *padded(void) {
   return v;
 }
 
-static void padding_counts_for_nothing(void **state) {
+TEST(padding_counts_for_nothing) {
   tc_volume *v = padded();
   tc_fit fit;
   tc_fit_find(&fit, v);
@@ -202,7 +202,7 @@ static void padding_counts_for_nothing(void **state) {
   tc_volume_unref(v);
 }
 
-static void floats_have_padding_too(void **state) {
+TEST(floats_have_padding_too) {
   const tc_volume_desc d = {.dims = {SIDE, SIDE, 1}, .type = TC_F32, .spacing = {1, 1, 1},
                             .direction = {1, 0, 0, 0, 1, 0, 0, 0, 1}, .slope = 1};
   tc_volume *v = tc_volume_new(&d, NULL);
@@ -219,7 +219,7 @@ static void floats_have_padding_too(void **state) {
 }
 
 /* Of masks both ends are values, not padding. */
-static void masks_have_none(void **state) {
+TEST(masks_have_none) {
   tc_volume *v = filled(mask, 1);
   tc_values *values = tc_values_of(v);
   double low, high;
@@ -229,7 +229,7 @@ static void masks_have_none(void **state) {
   tc_volume_unref(v);
 }
 
-static void a_picture_depends_on_no_size(void **state) {
+TEST(a_picture_depends_on_no_size) {
   tc_volume *v[2] = {filled(patient, 1), filled(patient, 1000)};
   tc_scene s[2];
   for (int i = 0; i < 2; i++) {
@@ -253,7 +253,7 @@ static void a_picture_depends_on_no_size(void **state) {
 static int16_t brain(int x, int y, int z) { return within(x, y, 32, 32, 24) ? 150 + (x * y + z) % 90 : (x + y) % 100; }
 static int16_t loud_brain(int x, int y, int z) { return 10 * brain(x, y, z); }
 
-static void values_without_a_unit_are_fitted(void **state) {
+TEST(values_without_a_unit_are_fitted) {
   const phantom all[] = {brain, loud_brain};
   double first[2], last[2];
   for (int i = 0; i < 2; i++) {
@@ -273,7 +273,7 @@ static void values_without_a_unit_are_fitted(void **state) {
 }
 
 /* A file's window that makes the body white is not taken for slices. */
-static void a_window_that_shows_nothing_is_not_taken(void **state) {
+TEST(a_window_that_shows_nothing_is_not_taken) {
   const double width[] = {8, 400};
   for (int i = 0; i < 2; i++) {
     tc_volume *v = filled_as(brain, 1, "MR", width[i]);
@@ -289,7 +289,7 @@ static void a_window_that_shows_nothing_is_not_taken(void **state) {
 /* In a container whose walls are those of the volume. */
 static int16_t contained(int x, int y, int z) { return within(x, y, 32, 32, 14) ? 180 + x : 80 + (x + y + z) % 5; }
 
-static void what_is_at_the_walls_is_around(void **state) {
+TEST(what_is_at_the_walls_is_around) {
   tc_volume *v = filled_as(contained, 1, "", 0);
   tc_fit fit;
   tc_fit_find(&fit, v);
@@ -303,7 +303,7 @@ static int16_t skull(int x, int y, int z) {
   return r > 26 ? AIR : r > 20 ? BONE : FLESH;
 }
 
-static void heads_and_trunks_are_told_apart_by_bone(void **state) {
+TEST(heads_and_trunks_are_told_apart_by_bone) {
   tc_volume *v = filled(skull, 1);
   tc_fit fit;
   tc_fit_find(&fit, v);
@@ -312,7 +312,7 @@ static void heads_and_trunks_are_told_apart_by_bone(void **state) {
   tc_volume_unref(v);
 }
 
-static void a_maximum_has_grey_in_it(void **state) {
+TEST(a_maximum_has_grey_in_it) {
   const phantom all[] = {patient, skull};
   for (size_t i = 0; i < 2; i++) {
     tc_volume *v = filled(all[i], 1), *body = body_of(v);
@@ -336,7 +336,7 @@ static void a_maximum_has_grey_in_it(void **state) {
 }
 
 /* A few slices are looked at along their normal: so is what their windows come from. */
-static void windows_are_those_of_the_first_view(void **state) {
+TEST(windows_are_those_of_the_first_view) {
   const tc_volume_desc d = {.dims = {SIDE, SIDE, 4}, .type = TC_I16, .spacing = {1, 1, 1},
                             .direction = {1, 0, 0, 0, 1, 0, 0, 0, 1}, .slope = 1, .modality = "MR"};
   tc_volume *v = tc_volume_new(&d, NULL);
@@ -352,14 +352,4 @@ static void windows_are_those_of_the_first_view(void **state) {
   tc_volume_unref(v);
 }
 
-int main(void) {
-  const struct CMUnitTest tests[] = {TEST(the_table_goes_and_all_else_stays), TEST(a_table_that_is_touched_goes_too),
-    TEST(what_lies_on_a_faint_board_is_left_alone_with_it), TEST(without_units_only_what_is_behind_is_a_table),
-    TEST(who_lies_on_nothing_is_left_alone), TEST(it_stops_and_takes_no_memory_unasked),
-    TEST(too_many_parts_are_not_told_apart), TEST(padding_counts_for_nothing), TEST(floats_have_padding_too),
-    TEST(masks_have_none), TEST(a_picture_depends_on_no_size), TEST(values_without_a_unit_are_fitted),
-    TEST(a_window_that_shows_nothing_is_not_taken), TEST(what_is_at_the_walls_is_around),
-    TEST(heads_and_trunks_are_told_apart_by_bone), TEST(windows_are_those_of_the_first_view),
-    TEST(a_maximum_has_grey_in_it)};
-  return cmocka_run_group_tests(tests, NULL, NULL);
-}
+TESTS(NULL, NULL)

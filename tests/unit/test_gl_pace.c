@@ -33,7 +33,7 @@ static double draw(const device *d, tc_gl_pace *pace, double samples, double *fi
   return longest;
 }
 
-static void dispatches_are_short(void **state) {
+TEST(dispatches_are_short) {
   static const device devices[] = {{"large GPU", true, 0.01, 300},     {"known GPU", true, 0.1, 1000},
                                    {"slow GPU", true, 1.5, 1500},      {"very slow GPU", true, 20, 1500},
                                    {"software", false, 10, 0},         {"software, busy", false, 300, 0}};
@@ -57,7 +57,7 @@ static void dispatches_are_short(void **state) {
 }
 
 /* One dispatch that something else held up makes the next ones small, and is forgotten. */
-static void a_hiccup_passes(void **state) {
+TEST(a_hiccup_passes) {
   tc_gl_pace pace;
   tc_gl_pace_init(&pace, true, 1 << 20);
   for (int i = 0; i < 100; i++) tc_gl_pace_learn(&pace, 1 << 20, 100, 10);
@@ -72,7 +72,7 @@ static void a_hiccup_passes(void **state) {
 }
 
 /* Rays that are slow themselves are found out. */
-static void slow_rays_are_known(void **state) {
+TEST(slow_rays_are_known) {
   tc_gl_pace pace;
   tc_gl_pace_init(&pace, true, 1 << 20);
   for (int i = 0; i < 6; i++) tc_gl_pace_learn(&pace, 4096, 1000, 30);
@@ -80,7 +80,4 @@ static void slow_rays_are_known(void **state) {
   assert_true(tc_gl_pace_pixels(&pace, 10) >= 4096);
 }
 
-int main(void) {
-  const struct CMUnitTest tests[] = {TEST(dispatches_are_short), TEST(a_hiccup_passes), TEST(slow_rays_are_known)};
-  return cmocka_run_group_tests(tests, NULL, NULL);
-}
+TESTS(NULL, NULL)

@@ -4,7 +4,7 @@
 #include "renderer/volume/histogram.h"
 
 /* Negative ones too, in every type, with a slope that turns them over. */
-static void histograms_count_every_voxel(void **state) {
+TEST(histograms_count_every_voxel) {
   static const int values[][4] = {{0, 100, 200, 255}, {-128, -1, 1, 127}, {0, 1000, 40000, 65535}, {-32768, -1, 1000, 32767}, {-7, 0, 9, 30}};
   for (int type = TC_U8; type < TC_VOXEL_TYPE_COUNT; type++) {
     const tc_volume_desc d = {.dims = {4, 1, 1}, .type = (tc_voxel_type)type, .spacing = {1, 1, 1},
@@ -30,7 +30,4 @@ static void histograms_count_every_voxel(void **state) {
   }
 }
 
-int main(void) {
-  const struct CMUnitTest tests[] = {TEST(histograms_count_every_voxel)};
-  return cmocka_run_group_tests(tests, NULL, NULL);
-}
+TESTS(NULL, NULL)

@@ -62,7 +62,7 @@ static void expect(GError *error, int code, const char *text) {
   g_error_free(error);
 }
 
-static void bytes_before_the_voxels_are_bounded(void **state) {
+TEST(bytes_before_the_voxels_are_bounded) {
   listener l = {0};
   GError *error = NULL;
   write_bomb("lead.nrrd", SIZES_4 "encoding: bzip2\nbyte skip: 1000000000\n\n", 80);
@@ -72,7 +72,7 @@ static void bytes_before_the_voxels_are_bounded(void **state) {
 }
 
 /* 1.3 GB are announced as later frames: about 64 MiB of them are looked at. */
-static void frames_nobody_reads_are_hardly_decoded(void **state) {
+TEST(frames_nobody_reads_are_hardly_decoded) {
   listener l = {0};
   GError *error = NULL;
   write_bomb("frames.nrrd", "NRRD0004\ntype: uchar\ndimension: 4\nsizes: 4 4 4 20000000\n"
@@ -85,7 +85,7 @@ static void frames_nobody_reads_are_hardly_decoded(void **state) {
   tc_volume_unref(volume);
 }
 
-static void a_decoding_import_stops_when_told(void **state) {
+TEST(a_decoding_import_stops_when_told) {
   static const char *const headers[] = {
       "NRRD0004\ntype: uchar\ndimension: 3\nsizes: 1000 1000 1000\nencoding: bzip2\n\n",
       "NRRD0004\ntype: int\nendian: little\ndimension: 3\nsizes: 600 600 600\nencoding: bzip2\n\n",
@@ -103,7 +103,7 @@ static void a_decoding_import_stops_when_told(void **state) {
 }
 
 /* Members that hold nothing decode to nothing, for as long as there are bytes. */
-static void empty_members_are_asked_about(void **state) {
+TEST(empty_members_are_asked_about) {
   GByteArray *empty = deflated("", 0, true), *all = g_byte_array_new();
   while (all->len < 4 << 20) g_byte_array_append(all, empty->data, empty->len);
   GByteArray *file = with_header(SIZES_4 "encoding: gzip\n\n", all);
@@ -119,7 +119,7 @@ static void empty_members_are_asked_about(void **state) {
   g_byte_array_unref(empty);
 }
 
-static void memory_is_asked_for_before_anything_is_decoded(void **state) {
+TEST(memory_is_asked_for_before_anything_is_decoded) {
   listener l = {.most = 1000};
   GError *error = NULL;
   write_bomb("large.nrrd", "NRRD0004\ntype: short\nendian: little\ndimension: 3\nsizes: 900 900 900\nencoding: bzip2\n\n",
@@ -132,7 +132,7 @@ static void memory_is_asked_for_before_anything_is_decoded(void **state) {
 }
 
 /* The demos too; what they ask for is what they take. */
-static void what_is_asked_for_is_what_is_taken(void **state) {
+TEST(what_is_asked_for_is_what_is_taken) {
   static const char *const names[] = {"head", "head-labels", "vessels", "marschner-lobb", "bucky"};
   for (size_t i = 0; i < G_N_ELEMENTS(names); i++) {
     tc_volume *volume = tc_volume_demo(names[i], NULL);
@@ -153,7 +153,7 @@ static bool stop_at_once(void *user) {
 
 static void count(void *user) { ++*(int *)user; }
 
-static void sealing_stops_and_freeing_is_told(void **state) {
+TEST(sealing_stops_and_freeing_is_told) {
   tc_volume_desc d = {.dims = {256, 256, 256}, .type = TC_U8, .spacing = {1, 1, 1}, .slope = 1,
                       .direction = {1, 0, 0, 0, 1, 0, 0, 0, 1}};
   int asked = 0, freed = 0;
@@ -188,7 +188,7 @@ static void append(GByteArray *out, const char *text, size_t size) {
   g_byte_array_append(out, (const uint8_t *)text, (guint)size);
 }
 
-static void an_upload_reads_no_other_file(void **state) {
+TEST(an_upload_reads_no_other_file) {
   static const char *const tails[] = {NAMES "secret.raw\n\n", NAMES "LIST\nsecret.raw\n", NAMES "sub/secret.raw\n\n",
                                       NAMES "secret%d.raw 1 1 1\n"};
   char secret[64] = "secret", *sub = path_of("sub");
@@ -214,7 +214,7 @@ static void an_upload_reads_no_other_file(void **state) {
   g_byte_array_unref(meta);
 }
 
-static void an_upload_of_one_piece_is_read(void **state) {
+TEST(an_upload_of_one_piece_is_read) {
   const tc_import_options options = {.self_contained = true};
   char file[256] = SIZES_4 "encoding: raw\n\n";
   write_file("whole.nrrd", file, strlen(file) + 64);
@@ -224,17 +224,4 @@ static void an_upload_of_one_piece_is_read(void **state) {
   tc_volume_unref(volume);
 }
 
-int main(void) {
-  const struct CMUnitTest tests[] = {
-      cmocka_unit_test(bytes_before_the_voxels_are_bounded),
-      cmocka_unit_test(frames_nobody_reads_are_hardly_decoded),
-      cmocka_unit_test(a_decoding_import_stops_when_told),
-      cmocka_unit_test(empty_members_are_asked_about),
-      cmocka_unit_test(memory_is_asked_for_before_anything_is_decoded),
-      cmocka_unit_test(what_is_asked_for_is_what_is_taken),
-      cmocka_unit_test(sealing_stops_and_freeing_is_told),
-      cmocka_unit_test(an_upload_reads_no_other_file),
-      cmocka_unit_test(an_upload_of_one_piece_is_read),
-  };
-  return cmocka_run_group_tests_name("bounds", tests, make_folder, remove_folder);
-}
+TESTS(make_folder, remove_folder)

@@ -105,7 +105,7 @@ static const struct {
 };
 /* clang-format on */
 
-static void sizes_types_and_places(void **state) {
+TEST(sizes_types_and_places) {
   if (!have_data()) skip();
   for (size_t i = 0; i < G_N_ELEMENTS(volumes); i++) {
     gint64 start = g_get_monotonic_time();
@@ -129,7 +129,7 @@ static void sizes_types_and_places(void **state) {
   }
 }
 
-static void one_head_in_two_containers(void **state) {
+TEST(one_head_in_two_containers) {
   if (!have_data()) skip();
   tc_volume *a = open_real("nrrd/FLAIR.nrrd"), *b = open_real("nifti/FLAIR.nii.gz");
   assert_int_equal(tc_volume_bytes(a), tc_volume_bytes(b));
@@ -175,7 +175,7 @@ static void check_same_field(const tc_volume *a, const tc_volume *b) {
       }
 }
 
-static void one_head_in_48_axis_orders(void **state) {
+TEST(one_head_in_48_axis_orders) {
   if (!have_data()) skip();
   char *folder = unpack("nifti/nifti_orient48.tar.gz"), *inner = g_build_filename(folder, "nifti_orient", NULL);
   GDir *dir = g_dir_open(inner, 0, NULL);
@@ -252,7 +252,7 @@ static const struct { const char *name; outcome wanted; int dims[3]; const char 
     {"other/test.mgz", LOAD, {3, 4, 5}, ""},
 };
 
-static void odd_and_broken_files(void **state) {
+TEST(odd_and_broken_files) {
   if (!have_data()) skip();
   char *folder = unpack("odd/odd.tar.gz"), *inner = g_build_filename(folder, "odd", NULL);
   for (size_t i = 0; i < G_N_ELEMENTS(odd); i++) {
@@ -276,7 +276,7 @@ static void odd_and_broken_files(void **state) {
   g_free(folder);
 }
 
-static void one_ball_in_many_encodings(void **state) {
+TEST(one_ball_in_many_encodings) {
   static const char *const names[] = {
       "nrrd/BallBinary30x30x30.nrrd", "nrrd/BallBinary30x30x30.nhdr", "nrrd/BallBinary30x30x30.nii.gz",
       "nrrd/BallBinary30x30x30_gz.nrrd", "nrrd/BallBinary30x30x30_bz2.nrrd",
@@ -303,13 +303,4 @@ static void one_ball_in_many_encodings(void **state) {
   g_free(folder);
 }
 
-int main(void) {
-  const struct CMUnitTest tests[] = {
-      cmocka_unit_test(sizes_types_and_places),
-      cmocka_unit_test(one_head_in_two_containers),
-      cmocka_unit_test(one_head_in_48_axis_orders),
-      cmocka_unit_test(odd_and_broken_files),
-      cmocka_unit_test(one_ball_in_many_encodings),
-  };
-  return cmocka_run_group_tests_name("real data", tests, NULL, NULL);
-}
+TESTS(NULL, NULL)

@@ -40,7 +40,7 @@ static void check_packed(const char *stem, const GByteArray *whole) {
   g_free(plain);
 }
 
-static void whole_files_are_unpacked(void **state) {
+TEST(whole_files_are_unpacked) {
   GByteArray *voxels = ramp();
   GByteArray *nrrd =
       with_header("NRRD0004\ntype: short\ndimension: 3\nsizes: 4 4 4\nendian: little\nencoding: raw\n\n", voxels);
@@ -79,7 +79,7 @@ static GByteArray *mgh(bool placed) {
   return out;
 }
 
-static void mgh_files(void **state) {
+TEST(mgh_files) {
   GByteArray *file = mgh(true), *unplaced = mgh(false);
   check_packed("f.mgh", file);
   write_bytes("f.mgh", file);
@@ -100,7 +100,7 @@ static void mgh_files(void **state) {
   g_byte_array_unref(file);
 }
 
-static void analyze_pairs(void **state) {
+TEST(analyze_pairs) {
   GByteArray *voxels = ramp(), *head = g_byte_array_new();
   for (int big = 0; big < 2; big++) {
     g_byte_array_set_size(head, 348);
@@ -187,7 +187,7 @@ static void pairs_in_a_zip(void) {
 }
 
 /* Two times, slice by slice among each other, and a third that was broken off. */
-static void philips_pairs(void **state) {
+TEST(philips_pairs) {
   GByteArray *rec = g_byte_array_new();
   for (int i = 0; i < 7 * 8; i++) put_uint(rec, (uint64_t)i, 2, false);
   GString *text = par_header();
@@ -216,7 +216,7 @@ static void philips_pairs(void **state) {
   g_byte_array_unref(rec);
 }
 
-static void a_refusal_names_the_format(void **state) {
+TEST(a_refusal_names_the_format) {
   static const struct {
     const char *bytes, *text;
   } others[] = {
@@ -236,13 +236,4 @@ static void a_refusal_names_the_format(void **state) {
   open_bad("other", TC_ERROR_FORMAT, "unknown kind of file");
 }
 
-int main(void) {
-  const struct CMUnitTest tests[] = {
-      cmocka_unit_test(whole_files_are_unpacked),
-      cmocka_unit_test(mgh_files),
-      cmocka_unit_test(analyze_pairs),
-      cmocka_unit_test(philips_pairs),
-      cmocka_unit_test(a_refusal_names_the_format),
-  };
-  return cmocka_run_group_tests_name("doors", tests, make_folder, remove_folder);
-}
+TESTS(make_folder, remove_folder)

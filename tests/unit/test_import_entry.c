@@ -29,7 +29,7 @@ static void write_ints(const char *name) {
   g_byte_array_unref(data);
 }
 
-static void what_is_no_volume(void **state) {
+TEST(what_is_no_volume) {
   char *fifo = path_of("fifo.nii");
   open_bad("gone.nii", TC_ERROR_NOT_FOUND, "open gone.nii: no such file");
   open_bad("gone.nii#2", TC_ERROR_NOT_FOUND, "no such file");
@@ -50,14 +50,14 @@ static void what_is_no_volume(void **state) {
   g_free(fifo);
 }
 
-static void a_number_sign_in_a_name(void **state) {
+TEST(a_number_sign_in_a_name) {
   write_ints("scan#2");
   tc_volume_unref(open_good("scan#2"));
   write_ints("scan.nrrd");
   open_bad("scan.nrrd#1", TC_ERROR_INVALID, "NRRD holds no series");
 }
 
-static void demos(void **state) {
+TEST(demos) {
   GError *error = NULL;
   tc_volume *v = tc_import("demo:marschner-lobb", NULL, &error);
   assert_non_null(v);
@@ -68,7 +68,7 @@ static void demos(void **state) {
   g_error_free(error);
 }
 
-static void lists_only_dicom(void **state) {
+TEST(lists_only_dicom) {
   tc_series *series = (tc_series *)1;
   size_t count = 7;
   char *path = path_of("list.nrrd");
@@ -94,7 +94,7 @@ static bool watching(void *user, double fraction) {
   return ++w->calls != w->stop_after;
 }
 
-static void progress_and_cancelling(void **state) {
+TEST(progress_and_cancelling) {
   GError *error = NULL;
   watch w = {0};
   tc_import_options options = {.progress = watching, .user = &w};
@@ -114,7 +114,7 @@ static void progress_and_cancelling(void **state) {
   }
 }
 
-static void the_limit_counts_stored_bytes(void **state) {
+TEST(the_limit_counts_stored_bytes) {
   GError *error = NULL;
   tc_import_options options = {.max_voxel_bytes = voxels};
   write_ints("limit.nrrd"); /* four bytes each in the file, one in memory */
@@ -158,7 +158,7 @@ static void write_big(const char *path) {
   assert_int_equal(gzclose(file), Z_OK);
 }
 
-static void memory_stays_near_the_voxels(void **state) {
+TEST(memory_stays_near_the_voxels) {
 #ifdef SANITIZED
   print_message("memory is not measured under a sanitizer\n");
   skip();
@@ -184,7 +184,7 @@ static void memory_stays_near_the_voxels(void **state) {
 
 /* ---- below ---- */
 
-static void the_reader_never_passes_its_end(void **state) {
+TEST(the_reader_never_passes_its_end) {
   const uint8_t bytes[9] = {1, 2, 3, 4, 5, 6, 7, 8, 9};
   for (int big = 0; big < 2; big++) {
     tc_reader r;
@@ -208,7 +208,7 @@ static void the_reader_never_passes_its_end(void **state) {
   }
 }
 
-static void lines_and_numbers(void **state) {
+TEST(lines_and_numbers) {
   tc_reader r;
   tc_reader_init(&r, "a\r\n\nlong line\nend", 17, false);
   const char *const wanted[] = {"a", "", "long line", "end"};
@@ -236,7 +236,7 @@ static void lines_and_numbers(void **state) {
   g_free(quoted);
 }
 
-static void name_patterns(void **state) {
+TEST(name_patterns) {
   GPtrArray *names = g_ptr_array_new_with_free_func(g_free);
   int64_t rest;
   assert_true(tc_names_from_pattern("a%%b%03d.c%%d 8 12 2 3", names, &rest, NULL));
@@ -257,7 +257,7 @@ static void name_patterns(void **state) {
 }
 
 /* A helper asks for the files that a header names; what is no regular file beside it is refused here. */
-static void files_beside_a_header(void **state) {
+TEST(files_beside_a_header) {
   uint8_t half[32];
   memset(half, 7, sizeof half);
   write_file("one.raw", half, sizeof half);
@@ -278,7 +278,7 @@ static void files_beside_a_header(void **state) {
 }
 
 /* What decodes files is in the helpers and not in the daemon. */
-static void the_daemon_has_no_decoder(void **state) {
+TEST(the_daemon_has_no_decoder) {
   static const char *const programs[] = {"tomocast", "tomocast-import"};
   for (int i = 0; i < 2; i++) {
     char *path = g_build_filename(TC_BINARY_DIR, programs[i], NULL), *bytes;
@@ -291,20 +291,4 @@ static void the_daemon_has_no_decoder(void **state) {
   }
 }
 
-int main(void) {
-  const struct CMUnitTest tests[] = {
-      cmocka_unit_test(what_is_no_volume),
-      cmocka_unit_test(a_number_sign_in_a_name),
-      cmocka_unit_test(demos),
-      cmocka_unit_test(lists_only_dicom),
-      cmocka_unit_test(progress_and_cancelling),
-      cmocka_unit_test(the_limit_counts_stored_bytes),
-      cmocka_unit_test(memory_stays_near_the_voxels),
-      cmocka_unit_test(the_reader_never_passes_its_end),
-      cmocka_unit_test(lines_and_numbers),
-      cmocka_unit_test(name_patterns),
-      cmocka_unit_test(files_beside_a_header),
-      cmocka_unit_test(the_daemon_has_no_decoder),
-  };
-  return cmocka_run_group_tests_name("import", tests, make_folder, remove_folder);
-}
+TESTS(make_folder, remove_folder)

@@ -50,7 +50,7 @@ static tc_mesh *written_and_read(const tc_mesh *m, const char *name, bool ascii)
 /* ---- what comes out ---- */
 
 /* Indexed formats bring back every bit; of far meshes every bit of the second writing. */
-static void indexed_formats_come_back_exactly(void **state) {
+TEST(indexed_formats_come_back_exactly) {
   static const char *const names[] = {"m.ply", "m.obj", "a.ply"};
   for (int c = 0; c < 12; c++) {
     const bool far = c / 3 % 2;
@@ -72,7 +72,7 @@ static void indexed_formats_come_back_exactly(void **state) {
   }
 }
 
-static void corners_of_an_stl_are_welded(void **state) {
+TEST(corners_of_an_stl_are_welded) {
   for (int ascii = 0; ascii < 2; ascii++) {
     tc_mesh *m = torus(true, 100.5), *back = written_and_read(m, "m.stl", ascii);
     tc_mesh_measures is, was;
@@ -94,7 +94,7 @@ static void put_vertex(GByteArray *out, float x, float y, float z, bool big) {
 }
 
 /* Either byte order, properties nobody asked for, a polygon of five corners, other elements before and behind. */
-static void a_ply_of_any_shape_is_read(void **state) {
+TEST(a_ply_of_any_shape_is_read) {
   for (int big = 0; big < 2; big++) {
     char *head = g_strdup_printf("ply\r\nformat binary_%s_endian 1.0\r\ncomment SPACE=RAS\r\nelement camera 1\r\n"
                                  "property double focus\r\nproperty list uchar short path\r\nelement vertex 5\r\n"
@@ -127,7 +127,7 @@ static void a_ply_of_any_shape_is_read(void **state) {
   }
 }
 
-static void an_obj_of_any_shape_is_read(void **state) {
+TEST(an_obj_of_any_shape_is_read) {
   tc_mesh *m = read_text("# x\nmtllib nobody.mtl\no part\nv 0 0 0 1 0.5 0.5\nv 4 0 0\r\nv 4 4 0\nv 0 4 0\nvt 0 0\n"
                          "vn 0 0 2\nvn 0 0 -1\nf 1/1/1 2/1/1 3/1/1 \\\n 4/1/1\nf -1//2 -2//2 -3//2\nf 1//1 1//1 2//1\n"
                          "l 1 2\nf 1//1 2//1",
@@ -146,7 +146,7 @@ static void an_obj_of_any_shape_is_read(void **state) {
   tc_mesh_free(m);
 }
 
-static void missing_normals_point_outwards(void **state) {
+TEST(missing_normals_point_outwards) {
   tc_mesh *m = torus(true, 0), *bare = torus(false, 0);
   assert_true(tc_mesh_add_normals(bare, NULL, NULL, NULL));
   for (int i = 0; i < 600; i++) {
@@ -162,7 +162,7 @@ static void missing_normals_point_outwards(void **state) {
 #define PLY "ply\nformat ascii 1.0\nelement vertex 3\nproperty float x\nproperty float y\nproperty float z\n"
 #define FACES "element face 1\nproperty list uchar int vertex_indices\nend_header\n"
 
-static void bad_meshes_are_one_clear_error(void **state) {
+TEST(bad_meshes_are_one_clear_error) {
   static const struct {
     const char *name, *text, *wanted;
   } cases[] = {
@@ -215,7 +215,7 @@ static char *torus_file(const char *name, gsize *size) {
 }
 
 /* Damaged by a few bytes, or cut: a sound mesh (the reader of this test checks) or one line. Any unread end is seen. */
-static void damaged_files_are_meshes_or_errors(void **state) {
+TEST(damaged_files_are_meshes_or_errors) {
   static const char *const names[] = {"m.obj", "m.ply", "a.ply", "m.stl", "a.stl"};
   unsigned seed = 1;
   for (size_t n = 0; n < G_N_ELEMENTS(names); n++) {
@@ -242,7 +242,7 @@ static void damaged_files_are_meshes_or_errors(void **state) {
   }
 }
 
-static void limits_hold_and_a_caller_cancels(void **state) {
+TEST(limits_hold_and_a_caller_cancels) {
   gsize size;
   char *stl = torus_file("m.stl", &size);
   GError *error = NULL;
@@ -274,7 +274,7 @@ static bool on_progress(void *user, double fraction) {
   return ++w->told <= w->most;
 }
 
-static void the_helper_reads_meshes(void **state) {
+TEST(the_helper_reads_meshes) {
   gsize size;
   GError *error = NULL;
   char *stl = torus_file("m.stl", &size), *path = path_of("m.stl"), *packed_path = path_of("m.stl.gz");
@@ -321,7 +321,7 @@ static bool read_said(void *user, void *bytes, size_t size, GError **error) {
 
 static void no_reply(void *user, char what, int fd) {}
 
-static void lies_about_the_mesh_are_refused(void **state) {
+TEST(lies_about_the_mesh_are_refused) {
   static uint8_t ring[TC_WIRE_RING_BYTES];
   for (int lie = 0; lie < 12; lie++) {
     tc_mesh_head head = {.n_vertices = 3, .n_triangles = 1, .normals = true, .format = "stl"};
@@ -361,13 +361,4 @@ static void lies_about_the_mesh_are_refused(void **state) {
   }
 }
 
-int main(void) {
-  const struct CMUnitTest tests[] = {
-      cmocka_unit_test(indexed_formats_come_back_exactly), cmocka_unit_test(corners_of_an_stl_are_welded),
-      cmocka_unit_test(a_ply_of_any_shape_is_read),        cmocka_unit_test(an_obj_of_any_shape_is_read),
-      cmocka_unit_test(missing_normals_point_outwards),    cmocka_unit_test(bad_meshes_are_one_clear_error),
-      cmocka_unit_test(damaged_files_are_meshes_or_errors), cmocka_unit_test(limits_hold_and_a_caller_cancels),
-      cmocka_unit_test(the_helper_reads_meshes),           cmocka_unit_test(lies_about_the_mesh_are_refused),
-  };
-  return cmocka_run_group_tests(tests, make_folder, remove_folder);
-}
+TESTS(make_folder, remove_folder)

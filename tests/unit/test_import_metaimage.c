@@ -37,7 +37,7 @@ static void check_ramp(const char *name, tc_voxel_type stored, double lo, double
   tc_volume_unref(v);
 }
 
-static void every_type_order_and_container(void **state) {
+TEST(every_type_order_and_container) {
   for (size_t t = 0; t < G_N_ELEMENTS(types); t++)
     for (int big = 0; big < 2; big++)
       for (int zip = 0; zip < 2; zip++) {
@@ -60,7 +60,7 @@ static void every_type_order_and_container(void **state) {
       }
 }
 
-static void text_data(void **state) {
+TEST(text_data) {
   GByteArray *text = g_byte_array_new();
   for (int i = 0; i < count; i++) {
     char word[16];
@@ -71,7 +71,7 @@ static void text_data(void **state) {
   check_ramp("t.mha", TC_I16, -100, 5);
 }
 
-static void data_spread_over_files(void **state) {
+TEST(data_spread_over_files) {
   for (int f = 0; f < nz; f++) {
     char name[32];
     g_snprintf(name, sizeof name, "s%02d.raw", f + 1);
@@ -96,7 +96,7 @@ static void data_spread_over_files(void **state) {
   open_bad("p.mhd", TC_ERROR_FORMAT, "no file names");
 }
 
-static void header_size(void **state) {
+TEST(header_size) {
   GByteArray *data = with_header("0123456789", NULL), *voxels = ramp(TC_ELEMENT_U8, 0, 1, count, false);
   g_byte_array_append(data, voxels->data, voxels->len);
   write_bytes("lead.raw", data);
@@ -121,7 +121,7 @@ static void check_place(const char *lines, const double *spacing, const double *
   tc_volume_unref(v);
 }
 
-static void places(void **state) {
+TEST(places) {
   static const double straight[9] = {1, 0, 0, 0, 1, 0, 0, 0, 1}, one[3] = {1, 1, 1}, zero[3] = {0, 0, 0};
   /* rows of the file are columns here */
   static const double turned[9] = {0, 0, 1, 1, 0, 0, 0, 1, 0};
@@ -138,7 +138,7 @@ static void places(void **state) {
   check_place("ElementSize = 2 3 4\n", (double[]){2, 3, 4}, zero, straight);
 }
 
-static void channels_frames_and_flat_images(void **state) {
+TEST(channels_frames_and_flat_images) {
   write_meta("c.mha", U8_HEADER "ElementNumberOfChannels = 3\nElementDataFile = LOCAL\n",
              ramp(TC_ELEMENT_U8, 0, 1, 3 * count, false));
   tc_volume *v = open_good("c.mha");
@@ -171,7 +171,7 @@ static void channels_frames_and_flat_images(void **state) {
   tc_volume_unref(v);
 }
 
-static void bad_headers(void **state) {
+TEST(bad_headers) {
 #define TYPE "ElementType = MET_UCHAR\n"
 #define DATA "ElementDataFile = LOCAL\n"
   const struct { const char *header; int code; const char *text; } cases[] = {
@@ -209,7 +209,7 @@ static void bad_headers(void **state) {
   open_bad("bad.mha", TC_ERROR_FORMAT, "header ends at line 5 without ElementDataFile");
 }
 
-static void endless_empty_lines_cost_nothing(void **state) {
+TEST(endless_empty_lines_cost_nothing) {
   GByteArray *lines = g_byte_array_new();
   g_byte_array_set_size(lines, 3 << 20);
   memset(lines->data, '\n', lines->len);
@@ -219,7 +219,7 @@ static void endless_empty_lines_cost_nothing(void **state) {
   assert_true(g_get_monotonic_time() - start < 2000000);
 }
 
-static void every_prefix_is_refused(void **state) {
+TEST(every_prefix_is_refused) {
   for (int zip = 0; zip < 2; zip++) {
     GByteArray *raw = ramp(TC_ELEMENT_U16, 0, 3, count, false);
     GByteArray *data = zip ? deflated(raw->data, raw->len, false) : g_byte_array_ref(raw);
@@ -234,17 +234,4 @@ static void every_prefix_is_refused(void **state) {
   }
 }
 
-int main(void) {
-  const struct CMUnitTest tests[] = {
-      cmocka_unit_test(every_type_order_and_container),
-      cmocka_unit_test(text_data),
-      cmocka_unit_test(data_spread_over_files),
-      cmocka_unit_test(header_size),
-      cmocka_unit_test(places),
-      cmocka_unit_test(channels_frames_and_flat_images),
-      cmocka_unit_test(bad_headers),
-      cmocka_unit_test(endless_empty_lines_cost_nothing),
-      cmocka_unit_test(every_prefix_is_refused),
-  };
-  return cmocka_run_group_tests_name("metaimage", tests, make_folder, remove_folder);
-}
+TESTS(make_folder, remove_folder)

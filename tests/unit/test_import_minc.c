@@ -104,7 +104,7 @@ static void ramp(int32_t *voxels, int n, int step) {
 }
 
 /* Packed as a whole or in a zip it is known only once it is unpacked; its voxels are the same. */
-static void packed_and_zipped(void **state) {
+TEST(packed_and_zipped) {
   static const char *const two[] = {"p.mnc", "p.mnc"};
   int32_t voxels[VOXELS];
   gsize size;
@@ -137,7 +137,7 @@ static void packed_and_zipped(void **state) {
 }
 
 /* Oblique axes, a step backwards and a scale for each slice: place and values are those of the file's own rule. */
-static void place_and_scales(void **state) {
+TEST(place_and_scales) {
   static const double cosines[3][3] = {{0.8, 0.6, 0}, {-0.6, 0.8, 0}, {0, 0, 1}}, valid[2] = {-1000, 1000};
   static const double low[NZ] = {0, -1, -2, -3, -4}, high[NZ] = {10, 11, 12, 13, 14};
   int32_t voxels[VOXELS];
@@ -171,7 +171,7 @@ static void place_and_scales(void **state) {
 }
 
 /* One scale keeps the stored integers; no scale, as labels have none, the narrowest that hold them. */
-static void integers_stay(void **state) {
+TEST(integers_stay) {
   int32_t voxels[VOXELS];
   ramp(voxels, VOXELS, 3);
   write_minc("scaled.mnc", &(made){.low = (double[]){-1}, .high = (double[]){1.55}}, voxels);
@@ -190,7 +190,7 @@ static void integers_stay(void **state) {
 }
 
 /* Outside the valid range is nothing: neither a value nor in the histogram. */
-static void outside_is_nothing(void **state) {
+TEST(outside_is_nothing) {
   int32_t voxels[VOXELS];
   ramp(voxels, VOXELS, 3);
   write_minc("valid.mnc", &(made){.valid = (double[]){3, 174}, .low = (double[]){0}, .high = (double[]){171}}, voxels);
@@ -204,7 +204,7 @@ static void outside_is_nothing(void **state) {
 }
 
 /* Dimensions in any order, and time among them. */
-static void order_and_time(void **state) {
+TEST(order_and_time) {
   int32_t voxels[2 * VOXELS];
   ramp(voxels, 2 * VOXELS, 1);
   write_minc("t.mnc", &(made){.order = "xspace,zspace,time,yspace", .scale_rank = -1, .steps = {5, 6, 7}}, voxels);
@@ -221,7 +221,7 @@ static void order_and_time(void **state) {
   open_bad("t.mnc#2", TC_ERROR_INVALID, "volume=N");
 }
 
-static void refusals(void **state) {
+TEST(refusals) {
   int32_t voxels[4 * VOXELS] = {0};
   write_minc("i.mnc", &(made){.irregular = true, .scale_rank = -1}, voxels);
   open_bad("i.mnc", TC_ERROR_UNSUPPORTED, "mincresample");
@@ -240,7 +240,7 @@ static void refusals(void **state) {
 }
 
 /* What is cut short is refused, wherever it ends. */
-static void cut_short(void **state) {
+TEST(cut_short) {
   int32_t voxels[VOXELS];
   ramp(voxels, VOXELS, 1);
   write_minc("whole.mnc", &(made){.scale_rank = -1, .chunked = true}, voxels);
@@ -255,7 +255,7 @@ static void cut_short(void **state) {
   g_free(path);
 }
 
-static void the_helper_is_confined(void **state) {
+TEST(the_helper_is_confined) {
   enum { SIDE = 1200 }; /* more than the ring holds */
   int32_t *voxels = g_new0(int32_t, SIDE * SIDE * NZ);
   char *path = path_of("large.mnc");
@@ -267,11 +267,4 @@ static void the_helper_is_confined(void **state) {
   g_free(voxels);
 }
 
-int main(void) {
-  const struct CMUnitTest tests[] = {
-      cmocka_unit_test(packed_and_zipped),  cmocka_unit_test(place_and_scales),       cmocka_unit_test(integers_stay),
-      cmocka_unit_test(outside_is_nothing), cmocka_unit_test(order_and_time),         cmocka_unit_test(refusals),
-      cmocka_unit_test(cut_short),          cmocka_unit_test(the_helper_is_confined),
-  };
-  return cmocka_run_group_tests(tests, make_folder, remove_folder);
-}
+TESTS(make_folder, remove_folder)

@@ -50,7 +50,7 @@ static void check_ramp(const char *name, tc_voxel_type stored, double lo, double
   tc_volume_unref(v);
 }
 
-static void every_type_order_and_container(void **state) {
+TEST(every_type_order_and_container) {
   for (size_t t = 0; t < G_N_ELEMENTS(types); t++)
     for (int version = 1; version <= 2; version++)
       for (int big = 0; big < 2; big++) {
@@ -76,7 +76,7 @@ static void every_type_order_and_container(void **state) {
       }
 }
 
-static void content_decides_before_the_name(void **state) {
+TEST(content_decides_before_the_name) {
   GByteArray *file = header(1, 2, false, false);
   add_voxels(file, TC_ELEMENT_U8, 0, 1, count, false);
   write_bytes("wrongly.nrrd", file);
@@ -100,7 +100,7 @@ static void check_stored(int code, tc_element element, double first, double seco
   tc_volume_unref(v);
 }
 
-static void wide_integers_become_the_narrowest_that_fits(void **state) {
+TEST(wide_integers_become_the_narrowest_that_fits) {
   check_stored(8, TC_ELEMENT_I32, 0, 255, TC_U8, "i32 voxels are kept as u8");
   check_stored(8, TC_ELEMENT_I32, 0, 256, TC_U16, "u16");
   check_stored(8, TC_ELEMENT_I32, 0, 65535, TC_U16, "u16");
@@ -118,7 +118,7 @@ static void wide_integers_become_the_narrowest_that_fits(void **state) {
   check_stored(1280, TC_ELEMENT_U64, 7, 65535, TC_U16, "u64 voxels are kept as u16");
 }
 
-static void wide_integers_round_to_nearest(void **state) {
+TEST(wide_integers_round_to_nearest) {
   /* 2^24 + 1 lies half way between two floats and goes to the even one, 2^24 + 3 goes up */
   GByteArray *file = header(1, 1024, false, false);
   const int64_t values[4] = {(1 << 24) + 1, (1 << 24) + 3, INT64_C(9007199791611905), -((1 << 24) + 3)};
@@ -131,7 +131,7 @@ static void wide_integers_round_to_nearest(void **state) {
   tc_volume_unref(v);
 }
 
-static void doubles_beyond_float_stay_finite(void **state) {
+TEST(doubles_beyond_float_stay_finite) {
   GByteArray *file = header(1, 64, false, false);
   const double values[4] = {1e300, -1e300, INFINITY, 1};
   for (int i = 0; i < count; i++) put_element(file, TC_ELEMENT_F64, values[i % 4], false);
@@ -144,7 +144,7 @@ static void doubles_beyond_float_stay_finite(void **state) {
   tc_volume_unref(v);
 }
 
-static void colours_and_complex_numbers(void **state) {
+TEST(colours_and_complex_numbers) {
   GByteArray *file = header(1, 128, false, false); /* RGB24 */
   for (int i = 0; i < count; i++) {
     const uint8_t rgb[3] = {(uint8_t)(4 * i), (uint8_t)(255 - 4 * i), (uint8_t)i};
@@ -178,7 +178,7 @@ static void colours_and_complex_numbers(void **state) {
   tc_volume_unref(v);
 }
 
-static void vectors_are_planes(void **state) {
+TEST(vectors_are_planes) {
   GByteArray *file = header(1, 4, false, false);
   put_at(file, 40, 5, 2, false);
   put_at(file, 40 + 2 * 5, 3, 2, false); /* dim[5] = 3 components */
@@ -200,7 +200,7 @@ static void vectors_are_planes(void **state) {
   g_byte_array_unref(file);
 }
 
-static void the_first_frame_is_taken(void **state) {
+TEST(the_first_frame_is_taken) {
   GByteArray *file = header(1, 512, false, false);
   put_at(file, 40, 4, 2, false);
   put_at(file, 40 + 2 * 4, 6, 2, false);
@@ -245,7 +245,7 @@ static void set_sform(GByteArray *h, const double rows[3][4]) {
   for (int i = 0; i < 12; i++) put_f32_at(h, 280 + 4 * i, (float)rows[i / 4][i % 4], false);
 }
 
-static void sform_is_preferred_and_turned_to_lps(void **state) {
+TEST(sform_is_preferred_and_turned_to_lps) {
   GByteArray *h = header(1, 2, false, false);
   const double rows[3][4] = {{-2, 0, 0, 10}, {0, 1.5, 0.6, -20}, {0, -2, 0.8, 30}};
   set_sform(h, rows);
@@ -260,7 +260,7 @@ static void sform_is_preferred_and_turned_to_lps(void **state) {
   tc_volume_unref(v);
 }
 
-static void a_sheared_sform_keeps_its_axes(void **state) {
+TEST(a_sheared_sform_keeps_its_axes) {
   GByteArray *h = header(1, 2, false, false);
   const double rows[3][4] = {{0.5, 0, 0, 0}, {0, 0.5, 0.3, 0}, {0, 0, 0.4, 0}};
   set_sform(h, rows);
@@ -271,7 +271,7 @@ static void a_sheared_sform_keeps_its_axes(void **state) {
   tc_volume_unref(v);
 }
 
-static void qform_quaternions(void **state) {
+TEST(qform_quaternions) {
   /* turns about x, y, z by a right angle; then a half turn whose float length is a little above 1; then qfac -1 */
   const float h = (float)sqrt(0.5);
   const struct { float b, c, d, qfac; double ras[9]; } cases[] = {
@@ -300,7 +300,7 @@ static void qform_quaternions(void **state) {
   }
 }
 
-static void without_any_form_voxel_sizes_are_used(void **state) {
+TEST(without_any_form_voxel_sizes_are_used) {
   GByteArray *h = header(1, 2, false, false);
   put_at(h, 254, 0, 2, false);
   for (int k = 0; k < 3; k++) put_f32_at(h, 80 + 4 * k, k == 1 ? -3.f : 2.f, false);
@@ -313,7 +313,7 @@ static void without_any_form_voxel_sizes_are_used(void **state) {
   tc_volume_unref(v);
 }
 
-static void a_flat_sform_gives_way_to_the_qform(void **state) {
+TEST(a_flat_sform_gives_way_to_the_qform) {
   GByteArray *h = header(1, 2, false, false);
   const double rows[3][4] = {{1, 1, 0, 0}, {0, 0, 0, 0}, {0, 0, 1, 0}};
   set_sform(h, rows);
@@ -325,7 +325,7 @@ static void a_flat_sform_gives_way_to_the_qform(void **state) {
   tc_volume_unref(v);
 }
 
-static void slopes(void **state) {
+TEST(slopes) {
   const struct { float slope, inter; double wanted_slope, wanted_inter; } cases[] = {
       {0, 55, 1, 0}, {2.5f, -1024, 2.5, -1024}, {-0.5f, 1, -0.5, 1}, {NAN, 3, 1, 0}, {1, INFINITY, 1, 0}};
   for (size_t i = 0; i < G_N_ELEMENTS(cases); i++) {
@@ -339,7 +339,7 @@ static void slopes(void **state) {
   }
 }
 
-static void extensions_are_skipped(void **state) {
+TEST(extensions_are_skipped) {
   GByteArray *h = header(1, 2, false, false);
   h->data[348] = 1;
   put_f32_at(h, 108, 352 + 32, false);
@@ -351,7 +351,7 @@ static void extensions_are_skipped(void **state) {
 
 /* ---- refusals ---- */
 
-static void every_prefix_is_refused(void **state) {
+TEST(every_prefix_is_refused) {
   for (int version = 1; version <= 2; version++) {
     GByteArray *file = header(version, 4, version == 2, false);
     add_voxels(file, TC_ELEMENT_I16, 0, 1, count, version == 2);
@@ -363,7 +363,7 @@ static void every_prefix_is_refused(void **state) {
   }
 }
 
-static void bad_headers(void **state) {
+TEST(bad_headers) {
   const struct { size_t at, size; uint64_t value; int code; const char *text; } cases[] = {
       {70, 2, 1536, TC_ERROR_UNSUPPORTED, "datatype 1536"},
       {70, 2, 0, TC_ERROR_UNSUPPORTED, "datatype 0"},
@@ -387,7 +387,7 @@ static void bad_headers(void **state) {
   }
 }
 
-static void huge_sizes_are_refused_before_memory_is_taken(void **state) {
+TEST(huge_sizes_are_refused_before_memory_is_taken) {
   GByteArray *file = header(2, 64, false, false);
   put_at(file, 16, 7, 8, false);
   for (int i = 1; i < 8; i++) put_at(file, 16 + 8 * (size_t)i, INT32_MAX, 8, false);
@@ -407,14 +407,14 @@ static void huge_sizes_are_refused_before_memory_is_taken(void **state) {
   g_byte_array_unref(file);
 }
 
-static void pairs_need_their_image(void **state) {
+TEST(pairs_need_their_image) {
   GByteArray *head = header(1, 2, false, true);
   write_bytes("lonely.hdr", head);
   open_bad("lonely.hdr", TC_ERROR_FORMAT, "'lonely.img': missing");
   g_byte_array_unref(head);
 }
 
-static void matrices_are_no_volumes(void **state) {
+TEST(matrices_are_no_volumes) {
   GByteArray *file = header(2, 16, false, false);
   const int dim[8] = {6, 1, 1, 1, 1, 10, 10, 1};
   for (int i = 0; i < 8; i++) put_at(file, 16 + 8 * (size_t)i, (uint64_t)dim[i], 8, false);
@@ -427,28 +427,4 @@ static void matrices_are_no_volumes(void **state) {
   g_byte_array_unref(file);
 }
 
-int main(void) {
-  const struct CMUnitTest tests[] = {
-      cmocka_unit_test(every_type_order_and_container),
-      cmocka_unit_test(content_decides_before_the_name),
-      cmocka_unit_test(wide_integers_become_the_narrowest_that_fits),
-      cmocka_unit_test(wide_integers_round_to_nearest),
-      cmocka_unit_test(doubles_beyond_float_stay_finite),
-      cmocka_unit_test(colours_and_complex_numbers),
-      cmocka_unit_test(vectors_are_planes),
-      cmocka_unit_test(the_first_frame_is_taken),
-      cmocka_unit_test(sform_is_preferred_and_turned_to_lps),
-      cmocka_unit_test(a_sheared_sform_keeps_its_axes),
-      cmocka_unit_test(qform_quaternions),
-      cmocka_unit_test(without_any_form_voxel_sizes_are_used),
-      cmocka_unit_test(a_flat_sform_gives_way_to_the_qform),
-      cmocka_unit_test(slopes),
-      cmocka_unit_test(extensions_are_skipped),
-      cmocka_unit_test(every_prefix_is_refused),
-      cmocka_unit_test(bad_headers),
-      cmocka_unit_test(huge_sizes_are_refused_before_memory_is_taken),
-      cmocka_unit_test(pairs_need_their_image),
-      cmocka_unit_test(matrices_are_no_volumes),
-  };
-  return cmocka_run_group_tests_name("nifti", tests, make_folder, remove_folder);
-}
+TESTS(make_folder, remove_folder)

@@ -58,7 +58,7 @@ static void write_nrrd(const char *name, const char *lines, GByteArray *data) {
   g_free(header);
 }
 
-static void every_type_order_and_encoding(void **state) {
+TEST(every_type_order_and_encoding) {
   static const char *const encodings[] = {"raw", "gzip", "bz2", "ascii", "hex"};
   for (size_t t = 0; t < G_N_ELEMENTS(types); t++)
     for (size_t e = 0; e < G_N_ELEMENTS(encodings); e++)
@@ -102,7 +102,7 @@ static void write_slices(const char *format, int files, int each, int skip) {
   }
 }
 
-static void data_spread_over_files(void **state) {
+TEST(data_spread_over_files) {
   write_slices("s%03d.raw", nz, nx * ny, 0);
   write_nrrd("p.nhdr", U8_HEADER "data file: s%03d.raw 1 5 1\n", NULL);
   check_ramp("p.nhdr", TC_U8, 0, 1);
@@ -132,7 +132,7 @@ static void data_spread_over_files(void **state) {
   open_bad("p.nhdr", TC_ERROR_FORMAT, "line 7: data file: LIST without");
 }
 
-static void data_stay_beside_the_header(void **state) {
+TEST(data_stay_beside_the_header) {
   char *outside = g_build_filename(g_get_tmp_dir(), "tc-import-outside.raw", NULL);
   char *link = path_of("link.raw"), *inner = path_of("inner"), *absolute;
   uint8_t zeros[count] = {0};
@@ -158,7 +158,7 @@ static void data_stay_beside_the_header(void **state) {
   g_free(absolute);
 }
 
-static void skips(void **state) {
+TEST(skips) {
   GByteArray *data = bytes_ramp(count), *lead = g_byte_array_new(), *zip;
   g_byte_array_append(lead, (const uint8_t *)"one\ntwo\nxy", 10);
   g_byte_array_append(lead, data->data, data->len);
@@ -190,7 +190,7 @@ static void skips(void **state) {
   g_byte_array_unref(zip);
 }
 
-static void compressed_data_in_several_members(void **state) {
+TEST(compressed_data_in_several_members) {
   GByteArray *data = bytes_ramp(count);
   for (int bz = 0; bz < 2; bz++) {
     GByteArray *all = g_byte_array_new();
@@ -221,7 +221,7 @@ static void check_place(const char *lines, const double *spacing, const double *
   tc_volume_unref(v);
 }
 
-static void spaces(void **state) {
+TEST(spaces) {
   static const double s[3] = {2, 5, 1};
 #define DIRECTIONS "space directions: (0,2,0) (-3,0,4) (0,0,1)\nspace origin: (1,2,3)\n"
   check_place("space: left-posterior-superior\n" DIRECTIONS, s, (double[]){1, 2, 3},
@@ -237,7 +237,7 @@ static void spaces(void **state) {
               (double[]){1000, 2000, 3000}, (double[]){0, -0.6, 0, 1, 0, 0, 0, 0.8, 1});
 }
 
-static void axes_without_directions(void **state) {
+TEST(axes_without_directions) {
   static const double straight[9] = {1, 0, 0, 0, 1, 0, 0, 0, 1};
   check_place("", (double[]){1, 1, 1}, (double[]){0, 0, 0}, straight);
   check_place("spacings: 0.5 2 nan\n", (double[]){0.5, 2, 1}, (double[]){0, 0, 0}, straight);
@@ -248,7 +248,7 @@ static void axes_without_directions(void **state) {
               (double[]){1, 0, 0, 0, -1, 0, 0, 0, 1});
 }
 
-static void words(void **state) {
+TEST(words) {
   write_nrrd("w.nrrd", U8_HEADER "modality:=CT\nDICOM.PatientName:=Doe\ncontent: Doe\nsample units: \"HU\"\n",
              bytes_ramp(count));
   tc_volume *v = open_good("w.nrrd");
@@ -265,7 +265,7 @@ static tc_volume *open_axes(const char *lines, GByteArray *data) {
   return open_good("x.nrrd");
 }
 
-static void colours_vectors_and_frames(void **state) {
+TEST(colours_vectors_and_frames) {
   tc_volume *v =
       open_axes("type: uchar\ndimension: 4\nsizes: 3 3 4 5\nkinds: RGB-color domain domain domain\nencoding: raw\n",
                 bytes_ramp(3 * count));
@@ -318,7 +318,7 @@ static void colours_vectors_and_frames(void **state) {
   tc_volume_unref(v);
 }
 
-static void a_flat_image_is_one_slice(void **state) {
+TEST(a_flat_image_is_one_slice) {
   tc_volume *v = open_axes("type: uchar\ndimension: 2\nsizes: 6 10\nspacings: 2 3\nencoding: raw\n", bytes_ramp(60));
   check_dims(v, 6, 10, 1);
   check_near(tc_volume_describe(v)->spacing, (double[]){2, 3, 1}, 3, 0);
@@ -327,7 +327,7 @@ static void a_flat_image_is_one_slice(void **state) {
 
 /* ---- refusals ---- */
 
-static void bad_headers(void **state) {
+TEST(bad_headers) {
 #define TYPE "type: uchar\n"
 #define DIMS "dimension: 3\nsizes: 3 4 5\n"
 #define RAW "encoding: raw\n"
@@ -383,7 +383,7 @@ static void bad_headers(void **state) {
   open_bad("bad.nrrd", TC_ERROR_FORMAT, "header ends at line 6");
 }
 
-static void announced_sizes_must_be_possible(void **state) {
+TEST(announced_sizes_must_be_possible) {
   GByteArray *small = bytes_ramp(count);
   GByteArray *zip = deflated(small->data, small->len, true);
   write_nrrd("b.nrrd", "type: uchar\ndimension: 3\nsizes: 1000 1000 1000\nencoding: gzip\n", zip);
@@ -399,7 +399,7 @@ static void announced_sizes_must_be_possible(void **state) {
 }
 
 /* Text is left out: a prefix of its last number is a number too. */
-static void every_prefix_is_refused(void **state) {
+TEST(every_prefix_is_refused) {
   static const char *const encodings[] = {"raw", "gzip", "bzip2"};
   for (size_t e = 0; e < G_N_ELEMENTS(encodings); e++) {
     GByteArray *raw = ramp(TC_ELEMENT_I16, 100, 1, count, false);
@@ -417,21 +417,4 @@ static void every_prefix_is_refused(void **state) {
   }
 }
 
-int main(void) {
-  const struct CMUnitTest tests[] = {
-      cmocka_unit_test(every_type_order_and_encoding),
-      cmocka_unit_test(data_spread_over_files),
-      cmocka_unit_test(data_stay_beside_the_header),
-      cmocka_unit_test(skips),
-      cmocka_unit_test(compressed_data_in_several_members),
-      cmocka_unit_test(spaces),
-      cmocka_unit_test(axes_without_directions),
-      cmocka_unit_test(words),
-      cmocka_unit_test(colours_vectors_and_frames),
-      cmocka_unit_test(a_flat_image_is_one_slice),
-      cmocka_unit_test(bad_headers),
-      cmocka_unit_test(announced_sizes_must_be_possible),
-      cmocka_unit_test(every_prefix_is_refused),
-  };
-  return cmocka_run_group_tests_name("nrrd", tests, make_folder, remove_folder);
-}
+TESTS(make_folder, remove_folder)

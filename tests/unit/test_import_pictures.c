@@ -62,7 +62,7 @@ static void write_tiff(const char *name, const kind *k) {
   g_free(path);
 }
 
-static void tiff_of_every_kind(void **state) {
+TEST(tiff_of_every_kind) {
   static const kind kinds[] = {
       {8, SAMPLEFORMAT_UINT, PHOTOMETRIC_MINISBLACK, COMPRESSION_LZW, false, false},
       {16, SAMPLEFORMAT_UINT, PHOTOMETRIC_MINISBLACK, COMPRESSION_ADOBE_DEFLATE, true, true},
@@ -96,7 +96,7 @@ static void tiff_of_every_kind(void **state) {
 }
 
 /* Greys of fewer than 8 bits, which libtiff widens. */
-static void tiff_of_few_bits(void **state) {
+TEST(tiff_of_few_bits) {
   for (uint16_t bits = 1; bits <= 4; bits *= 4) {
     uint8_t row[16] = {0xf0, 0x01, 0x84}; /* the second row is 0 */
     char *path = path_of("few.tif");
@@ -136,7 +136,7 @@ static void write_png(const char *name, int width, int depth, int colour, const 
   spng_ctx_free(png);
 }
 
-static void png_in_a_folder(void **state) {
+TEST(png_in_a_folder) {
   char *folder = path_of("f/deep");
   assert_int_equal(g_mkdir_with_parents(folder, 0700), 0);
   for (int n = 8; n < 12; n++) {
@@ -167,7 +167,7 @@ static void png_in_a_folder(void **state) {
 }
 
 /* A DICOMDIR names the folder it lies in, whatever is in it. */
-static void dicomdir(void **state) {
+TEST(dicomdir) {
   write_text("f/DICOMDIR", "any");
   write_png("f/deep/im9.png", 3, 16, SPNG_COLOR_TYPE_GRAYSCALE, (uint16_t[]){9000, 1, 2, 3, 4, 5}, 12);
   tc_volume *v = open_good("f/DICOMDIR");
@@ -175,12 +175,4 @@ static void dicomdir(void **state) {
   tc_volume_unref(v);
 }
 
-int main(void) {
-  const struct CMUnitTest tests[] = {
-      cmocka_unit_test(tiff_of_every_kind),
-      cmocka_unit_test(tiff_of_few_bits),
-      cmocka_unit_test(png_in_a_folder),
-      cmocka_unit_test(dicomdir),
-  };
-  return cmocka_run_group_tests_name("pictures", tests, make_folder, remove_folder);
-}
+TESTS(make_folder, remove_folder)

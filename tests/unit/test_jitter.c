@@ -3,7 +3,7 @@
 
 #include "renderer/raycast/jitter.h"
 
-static void jitter_is_even(void **state) {
+TEST(jitter_is_even) {
   double sum = 0, worst = 0;
   for (uint32_t y = 0; y < 256; y++)
     for (uint32_t x = 0; x < 256; x++) {
@@ -18,7 +18,4 @@ static void jitter_is_even(void **state) {
   assert_true(fabs(sum - 0.5) < 1e-3 && worst < 0.1); /* white noise: 0.1 is one deviation of such a mean */
 }
 
-int main(void) {
-  const struct CMUnitTest tests[] = {TEST(jitter_is_even)};
-  return cmocka_run_group_tests(tests, NULL, NULL);
-}
+TESTS(NULL, NULL)

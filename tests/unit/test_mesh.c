@@ -21,7 +21,7 @@ static bool share_face(int a, int b) {
 
 /* Every crossed edge is used; an edge of two triangles lies inside, one of a single triangle in a face; none is met by
  * more. */
-static void cases_are_surfaces_with_their_rim_in_the_faces(void **state) {
+TEST(cases_are_surfaces_with_their_rim_in_the_faces) {
   for (int pattern = 0; pattern < 256; pattern++)
     for (int joined = 0; joined < 64; joined++) {
       if (joined & ~tc_cell_cases_all()->ambiguous[pattern]) continue;
@@ -197,7 +197,7 @@ static double torus(double x, double y, double z) {
   return 1000 * (1 - hypot(hypot(at_grid(x), at_grid(y)) - 0.55, at_grid(z)));
 }
 
-static void spheres_converge(void **state) {
+TEST(spheres_converge) {
   double before = 0;
   for (grid = 17; grid <= 65; grid = 2 * grid - 1) {
     const int dims[3] = {grid, grid, grid};
@@ -231,7 +231,7 @@ static double gyroid(double x, double y, double z) {
 }
 
 /* Schoen's minimal surface but for third digits: 3.0919 squares of its period (2 mm) in each. */
-static void gyroids_converge(void **state) {
+TEST(gyroids_converge) {
   double before[2] = {0};
   for (grid = 17; grid <= 65; grid = 2 * grid - 1) {
     const double mm[3] = {2.0 / (grid - 1), 2.0 / (grid - 1), 2.0 / (grid - 1)};
@@ -261,7 +261,7 @@ static void gyroids_converge(void **state) {
   }
 }
 
-static void a_torus_has_a_hole(void **state) {
+TEST(a_torus_has_a_hole) {
   grid = 48;
   const int dims[3] = {48, 48, 48};
   tc_volume *v = make(dims, TC_I16, even, straight, 1, torus);
@@ -273,7 +273,7 @@ static void a_torus_has_a_hole(void **state) {
 }
 
 /* Anisotropic, mirrored, rescaled by a negative slope: outside stays outside, and vertices have the value. */
-static void geometry_is_the_patients(void **state) {
+TEST(geometry_is_the_patients) {
   grid = 30;
   const int dims[3] = {30, 30, 30};
   const double mm[3] = {0.7, 1.3, 2.9};
@@ -309,7 +309,7 @@ static double any_value(double x, double y, double z) {
   return (double)(seed >> 8) / (1 << 24);
 }
 
-static void random_fields_are_manifolds(void **state) {
+TEST(random_fields_are_manifolds) {
   static const int sizes[][3] = {{2, 2, 2}, {3, 2, 5}, {64, 4, 3}, {65, 5, 4}, {130, 6, 7}, {17, 18, 19}};
   for (seed = 1; seed < 200; seed += 33)
     for (size_t i = 0; i < G_N_ELEMENTS(sizes); i++)
@@ -372,7 +372,7 @@ static double some_labels(double x, double y, double z) {
 }
 
 /* Thin parts, single voxels and gaps keep their side; the surface is closed at the volume's faces too. */
-static void labels_keep_every_voxel_on_its_side(void **state) {
+TEST(labels_keep_every_voxel_on_its_side) {
   const int dims[3] = {7, 6, 5};
   seed = 5;
   tc_volume *v = make(dims, TC_U8, even, oblique, 1, some_labels);
@@ -400,7 +400,7 @@ static double in_ball(double x, double y, double z) { return hypot(hypot(x - 20,
 
 /* The steps of voxels are gone, and small segments keep their size: a plain filter of this width takes a quarter of
  * the volume of a ball of 5 voxels. */
-static void labels_are_smooth(void **state) {
+TEST(labels_are_smooth) {
   const int dims[3] = {41, 41, 41};
   const double size_bound[] = {0.06, 0.02}, normal_bound[] = {0.9, 0.96};
   for (int large = 0; large < 2; large++) {
@@ -435,7 +435,7 @@ static double three_boxes(double x, double y, double z) {
 }
 
 /* One pass finds what a walk for each label would; its boxes make the same surface. */
-static void boxes_of_all_labels_are_found_at_once(void **state) {
+TEST(boxes_of_all_labels_are_found_at_once) {
   const int dims[3] = {24, 6, 9};
   static const struct { int16_t label; int first[3], end[3]; } wanted[] = {
       {-2, {3, 4, 5}, {6, 6, 9}}, {300, {20, 0, 0}, {24, 6, 2}}, {7, {10, 1, 1}, {11, 2, 2}}};
@@ -460,7 +460,7 @@ static void boxes_of_all_labels_are_found_at_once(void **state) {
 }
 
 /* Fewer triangles within the error that was asked for, still closed. */
-static void simplification_keeps_its_bound(void **state) {
+TEST(simplification_keeps_its_bound) {
   grid = 41;
   const int dims[3] = {41, 41, 41};
   tc_volume *v = make(dims, TC_F32, even, straight, 1, sphere);
@@ -499,7 +499,7 @@ static double saddle(double x, double y, double z) {
   return z == 0 ? w : -1;
 }
 
-static void ambiguous_faces_follow_the_field(void **state) {
+TEST(ambiguous_faces_follow_the_field) {
   const int dims[3] = {2, 2, 2};
   for (int joined = 0; joined < 2; joined++) {
     two_corners = joined ? 1.5 : 0.5;
@@ -512,7 +512,7 @@ static void ambiguous_faces_follow_the_field(void **state) {
   }
 }
 
-static void what_is_not_there_is_empty(void **state) {
+TEST(what_is_not_there_is_empty) {
   grid = 12;
   const int dims[3] = {12, 12, 12}, flat[3] = {12, 12, 1};
   tc_volume *v = make(dims, TC_F32, even, straight, 1, sphere), *f = make(flat, TC_F32, even, straight, 1, sphere);
@@ -530,10 +530,4 @@ static void what_is_not_there_is_empty(void **state) {
   tc_volume_unref(f);
 }
 
-int main(void) {
-  const struct CMUnitTest tests[] = {TEST(cases_are_surfaces_with_their_rim_in_the_faces), TEST(spheres_converge), TEST(gyroids_converge),
-    TEST(a_torus_has_a_hole), TEST(geometry_is_the_patients), TEST(random_fields_are_manifolds),
-    TEST(labels_keep_every_voxel_on_its_side), TEST(labels_are_smooth), TEST(boxes_of_all_labels_are_found_at_once),
-    TEST(simplification_keeps_its_bound), TEST(ambiguous_faces_follow_the_field), TEST(what_is_not_there_is_empty)};
-  return cmocka_run_group_tests(tests, NULL, NULL);
-}
+TESTS(NULL, NULL)

@@ -7,7 +7,7 @@
 /* Files of the browser client hang under "/" and are no call of their own. */
 static bool is_call(const tcs_route *route) { return strcmp(route->pattern, "/{file}") != 0; }
 
-static void every_route_is_documented(void **state) {
+TEST(every_route_is_documented) {
   cJSON *document = tcp_openapi("0"), *paths = cJSON_GetObjectItemCaseSensitive(document, "paths");
   int routes = 0;
   for (const tcs_route *route = tcs_routes; route->method; route++) {
@@ -30,7 +30,7 @@ static bool has_route(const char *method, const char *path) {
   return false;
 }
 
-static void every_documented_call_has_a_route(void **state) {
+TEST(every_documented_call_has_a_route) {
   cJSON *document = tcp_openapi("0"), *path, *call;
   cJSON_ArrayForEach(path, cJSON_GetObjectItemCaseSensitive(document, "paths")) {
     cJSON_ArrayForEach(call, path) {
@@ -41,7 +41,4 @@ static void every_documented_call_has_a_route(void **state) {
   cJSON_Delete(document);
 }
 
-int main(void) {
-  const struct CMUnitTest tests[] = {TEST(every_route_is_documented), TEST(every_documented_call_has_a_route)};
-  return cmocka_run_group_tests(tests, NULL, NULL);
-}
+TESTS(NULL, NULL)

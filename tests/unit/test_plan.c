@@ -45,7 +45,7 @@ static void expect(fixture *f, tc_error_code code, const char *pointer) {
 }
 
 /* One value everywhere has no range to fit a window or a transfer function to: a scene is found all the same. */
-static void constant_volumes_get_a_scene(void **state) {
+TEST(constant_volumes_get_a_scene) {
   static const float values[] = {0, 5, -3, 1.1f, 1e-38f, 1e20f, -1e30f, 3e38f};
   for (size_t i = 0; i < G_N_ELEMENTS(values); i++) {
     const tc_volume_desc d = {.dims = {3, 3, 3}, .type = TC_F32, .spacing = {1, 1, 1}, .slope = 1,
@@ -68,7 +68,7 @@ static void constant_volumes_get_a_scene(void **state) {
   }
 }
 
-static void nonsense_points_at_the_member(void **state) {
+TEST_WITH(nonsense_points_at_the_member, set_up, tear_down) {
   fixture *f = *state;
   const tc_camera camera = f->scene.camera;
   f->scene.camera.position[1] = NAN;
@@ -104,7 +104,7 @@ static void nonsense_points_at_the_member(void **state) {
   expect(f, TC_ERROR_INVALID, "/transferFunction/points/1");
 }
 
-static void labels_are_checked_where_they_are_read(void **state) {
+TEST_WITH(labels_are_checked_where_they_are_read, set_up, tear_down) {
   fixture *f = *state;
   strcpy(f->scene.labels.volume, "segments");
   f->scene.labels.opacity = 1.5;
@@ -121,7 +121,7 @@ static void labels_are_checked_where_they_are_read(void **state) {
   assert_false(f->plan.key.labels);
 }
 
-static void what_is_not_built_is_refused(void **state) {
+TEST_WITH(what_is_not_built_is_refused, set_up, tear_down) {
   fixture *f = *state;
   f->scene.mode = TC_MODE_SPLAT;
   f->scene.filter = TC_FILTER_NEAREST;
@@ -136,7 +136,7 @@ static void what_is_not_built_is_refused(void **state) {
   f->scene.mode = TC_MODE_DVR;
 }
 
-static void sizes_are_limited(void **state) {
+TEST_WITH(sizes_are_limited, set_up, tear_down) {
   fixture *f = *state;
   f->scene.image.width = 8193;
   expect(f, TC_ERROR_LIMIT, "/image/width");
@@ -150,7 +150,7 @@ static void render(fixture *f) {
 }
 
 /* A stage costs time only when it is built: stats say so per frame. */
-static void a_change_rebuilds_what_depends_on_it(void **state) {
+TEST_WITH(a_change_rebuilds_what_depends_on_it, set_up, tear_down) {
   fixture *f = *state;
   render(f);
   assert_true(f->frame.stats.tables_ms > 0 && f->frame.stats.skip_ms > 0);
@@ -174,7 +174,7 @@ static void a_change_rebuilds_what_depends_on_it(void **state) {
   assert_true(f->frame.stats.tables_ms == 0 && f->frame.stats.skip_ms == 0);
 }
 
-static void every_stage_has_its_reason(void **state) {
+TEST_WITH(every_stage_has_its_reason, set_up, tear_down) {
   fixture *f = *state;
   render(f);
   for (int i = 0; i < TC_STAGE_COUNT; i++) {
@@ -202,7 +202,7 @@ static tc_volume *noise(void) {
 }
 
 /* What only a frame can find out (here: no block is empty) is said beside the plan, which stays what it was. */
-static void a_frame_changes_no_plan(void **state) {
+TEST_WITH(a_frame_changes_no_plan, set_up, tear_down) {
   fixture *f = *state;
   tc_volume_unref(f->volume);
   f->volume = noise();
@@ -243,7 +243,7 @@ static void ball_seen_whole(fixture *f, int size) {
 
 /* What costs are linear in is what the ball's geometry says; splats are named where a picture is large, rays where it
  * is small; and the plan says so. */
-static void the_cheaper_mode_is_named(void **state) {
+TEST_WITH(the_cheaper_mode_is_named, set_up, tear_down) {
   fixture *f = *state;
   tc_object_cost c;
   const double area = M_PI * 24 * 24;
@@ -271,15 +271,4 @@ static void the_cheaper_mode_is_named(void **state) {
   assert_false(tc_object_cost_of(f->volume, &f->scene, 480, 480, NULL, NULL, &c));
 }
 
-int main(void) {
-  const struct CMUnitTest tests[] = {TEST(constant_volumes_get_a_scene),
-    cmocka_unit_test_setup_teardown(nonsense_points_at_the_member, set_up, tear_down),
-    cmocka_unit_test_setup_teardown(labels_are_checked_where_they_are_read, set_up, tear_down),
-    cmocka_unit_test_setup_teardown(what_is_not_built_is_refused, set_up, tear_down),
-    cmocka_unit_test_setup_teardown(sizes_are_limited, set_up, tear_down),
-    cmocka_unit_test_setup_teardown(a_change_rebuilds_what_depends_on_it, set_up, tear_down),
-    cmocka_unit_test_setup_teardown(every_stage_has_its_reason, set_up, tear_down),
-    cmocka_unit_test_setup_teardown(a_frame_changes_no_plan, set_up, tear_down),
-    cmocka_unit_test_setup_teardown(the_cheaper_mode_is_named, set_up, tear_down)};
-  return cmocka_run_group_tests(tests, NULL, NULL);
-}
+TESTS(NULL, NULL)

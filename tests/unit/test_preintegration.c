@@ -85,7 +85,7 @@ static tc_table_params params(tc_transfer_function *tf, tc_knot *points, size_t 
 /* Opacity and colour of any segment, a node interval long or longer, to 1e-6: smooth; within nodes from clear to
  * opaque, up or down or both, so that extinction is a logarithm with a pole; with jumps to 1e4 and 1e6; in linear light,
  * where colour is a curve. */
-static void against_the_reference(void **state) {
+TEST(against_the_reference) {
   static tc_knot rise[] = {{0, {0, 0, 1}, 0}, {100, {1, 0, 0}, 0}, {101, {0, 1, 0}, 1}, {255, {0, 0, 1}, 1}};
   static tc_knot peak[] = {
       {0, {1, 0, 0}, 0}, {100.2, {1, 0, 0}, 0}, {100.5, {0, 1, 0}, 1}, {100.8, {0, 0, 1}, 0}, {255, {0, 0, 1}, 0}};
@@ -119,7 +119,7 @@ static void against_the_reference(void **state) {
 }
 
 /* Extinction linear in the value and colour linear too: the segment's colour has a closed form with erf. */
-static void closed_form(void **state) {
+TEST(closed_form) {
   tc_transfer_function tf;
   for (double top = 1e-3; top < 1e7; top *= 10) {
     tc_knot knots[] = {{0, {0, 0, 0}, 0}, {256, {1, 1, 1}, top}};
@@ -142,7 +142,7 @@ static void closed_form(void **state) {
 
 /* Of one colour and extinction every segment is known, and all roundings could fall the same way: thousands of them add
  * up to nothing at any size. */
-static void one_colour(void **state) {
+TEST(one_colour) {
   static const int sizes[] = {64, 300, 1024, 2048};
   for (size_t s = 0; s < sizeof sizes / sizeof *sizes; s++) {
     double most = 0;
@@ -165,7 +165,7 @@ static void one_colour(void **state) {
 
 /* As many knots as a scene may have: built in bounded time (a node interval is cut into few pieces whatever is in it),
  * still the right mean extinction. */
-static void very_many_knots(void **state) {
+TEST(very_many_knots) {
   tc_transfer_function tf;
   size_t count = TC_MAX_KNOTS;
   tc_knot *knots = malloc(count * sizeof *knots);
@@ -193,7 +193,7 @@ static void very_many_knots(void **state) {
 
 /* Elementary segments are series where thin and closed forms where not: depths on both sides of every bound, tilted or
  * not. */
-static void elementary_segments(void **state) {
+TEST(elementary_segments) {
   for (double depth = 1e-5; depth < 20; depth *= 1.4)
     for (double tilt = 0; tilt <= 1; tilt += 0.25) {
       tc_knot knots[] = {{0, {0.2, 0.9, 1}, depth * (1 - tilt)}, {63, {1, 0.4, 0}, depth * (1 + tilt)}};
@@ -217,7 +217,7 @@ static void elementary_segments(void **state) {
 }
 
 /* Invariants of every entry: bounds, energy, and no difference between one thread and three. */
-static void invariants(void **state) {
+TEST(invariants) {
   tc_transfer_function tf;
   for (double step = 1e-6; step < 1e7; step *= 1000) {
     tc_table_params p = params(&tf, jumping, 8, TC_KNOT_EXTINCTION, 64, step);
@@ -246,7 +246,7 @@ static tc_table *rebuild(const tc_table_params *p, const tc_table *like, tc_pool
 }
 
 /* Built after a like table, whatever moved: to the last bit what is built from nothing. */
-static void after_an_edit(void **state) {
+TEST(after_an_edit) {
   enum { LOW, HIGH, NONE }; /* which end of the axis no edit touches: entries there are copied, not made anew */
   static const struct { const char *what; int knot; double value, amount, red; int kept;
   } edits[] = {{"nothing", 1, 0, 0, 0, LOW},           {"a knot's amount", 2, 0, 0.04, 0, LOW},
@@ -293,7 +293,7 @@ static void after_an_edit(void **state) {
 }
 
 /* Entries that an outline gets later count in the cache like any, and what is older goes for them. */
-static void entries_count(void **state) {
+TEST(entries_count) {
   enum { TABLES = 20 };
   tc_transfer_function tf;
   double ms = 0;
@@ -331,7 +331,7 @@ static void entries_count(void **state) {
 
 /* While a transfer function is dragged, the tables of its frames go, and the next take their memory; what more than one frame
  * drew with stays. */
-static void edits_go(void **state) {
+TEST(edits_go) {
   enum { EDITS = 20, KEPT = 6 };
   tc_transfer_function tf;
   tc_plan plan = {0};
@@ -363,7 +363,7 @@ static void edits_go(void **state) {
 }
 
 /* Half floats of IEEE 754 and fixed point of 8 bits, at values whose neighbours are known. */
-static void narrower_formats(void **state) {
+TEST(narrower_formats) {
   assert_true(tc_table_round(1.0f / 3, 16) == 0.333251953125f);
   assert_true(tc_table_round(0.99999f, 16) == 1);
   assert_true(tc_table_round(6.1e-5f, 16) == 1023 * 0x1p-24f); /* the largest subnormal half */
@@ -387,7 +387,7 @@ static tc_volume *range_of(tc_voxel_type type, double lo, double hi) {
 }
 
 /* Subtables only where knots want them, each narrower than the one before, around the knots and as fine as they want. */
-static void subtables_where_knots_are_close(void **state) {
+TEST(subtables_where_knots_are_close) {
   static tc_knot peaks[] = {{-20000.5, {1, 1, 1}, 0}, {-20000, {1, 1, 1}, 1}, {-19999.5, {1, 1, 1}, 0},
                             {11999.5, {1, 1, 1}, 0},  {12000, {1, 1, 1}, 1},  {12000.5, {1, 1, 1}, 0}};
   static tc_knot step[] = {{300, {1, 1, 1}, 0}, {300, {1, 1, 1}, 0.5}};
@@ -433,9 +433,4 @@ static void subtables_where_knots_are_close(void **state) {
   }
 }
 
-int main(void) {
-  const struct CMUnitTest tests[] = {TEST(against_the_reference), TEST(closed_form), TEST(one_colour),
-    TEST(very_many_knots), TEST(elementary_segments), TEST(invariants), TEST(after_an_edit), TEST(entries_count),
-    TEST(edits_go), TEST(narrower_formats), TEST(subtables_where_knots_are_close)};
-  return cmocka_run_group_tests(tests, NULL, NULL);
-}
+TESTS(NULL, NULL)

@@ -236,7 +236,7 @@ static int ascending(const void *a, const void *b) {
   return (x > y) - (x < y);
 }
 
-static void random_transfer_functions(void **state) {
+TEST(random_transfer_functions) {
   enum { EACH = 50 };
   double all[FAMILIES * EACH];
   size_t n = 0, incomplete = 0;
@@ -288,7 +288,7 @@ static double scene_error(const tcs_report_scene *s, int n, double lo, double hi
   return sqrt(sum / count);
 }
 
-static void more_nodes_are_not_worse(void **state) {
+TEST(more_nodes_are_not_worse) {
   for (int i = 0; i < tcs_report_scene_count(); i++) {
     tcs_report_scene s;
     GError *error = NULL;
@@ -314,7 +314,4 @@ static void more_nodes_are_not_worse(void **state) {
   }
 }
 
-int main(void) {
-  const struct CMUnitTest tests[] = {TEST(random_transfer_functions), TEST(more_nodes_are_not_worse)};
-  return cmocka_run_group_tests(tests, NULL, NULL);
-}
+TESTS(NULL, NULL)

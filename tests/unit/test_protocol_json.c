@@ -5,7 +5,7 @@
 
 static cJSON *parse(const char *text) { return tcp_json_parse(text, strlen(text), NULL); }
 
-static void accepts_json(void **state) {
+TEST(accepts_json) {
   /* clang-format off: packed */
   static const char *const good[] = {
       "0", "-0", "-1.5e-3", "1E+2", "1e-400", "\"\"", "\"\\u00e9\\n\\\"\"", "\"\\ud83d\\ude00\"", "null", " [ ] ", "{}",
@@ -20,7 +20,7 @@ static void accepts_json(void **state) {
   }
 }
 
-static void refuses_what_is_not_json(void **state) {
+TEST(refuses_what_is_not_json) {
   /* clang-format off: packed */
   static const char *const bad[] = {
       "", " ", "nul", "NaN", "Infinity", "-", "01", "1.", ".5", "1e", "+1", "0x10", "1e999", "-1e400", "[1,]", "[,1]",
@@ -41,7 +41,7 @@ static void refuses_what_is_not_json(void **state) {
   }
 }
 
-static void says_line_and_column(void **state) {
+TEST(says_line_and_column) {
   static const struct {
     const char *text, *place;
   } cases[] = {{"{\n  \"a\": 1,\n  \"a\": 2\n}", "line 3 column 3"},
@@ -57,7 +57,7 @@ static void says_line_and_column(void **state) {
   }
 }
 
-static void zero_byte_is_refused(void **state) {
+TEST(zero_byte_is_refused) {
   assert_null(tcp_json_parse("1\0002", 3, NULL));
   assert_null(tcp_json_parse("\"a\0b\"", 5, NULL));
   assert_null(tcp_json_parse("1\0", 2, NULL));
@@ -73,7 +73,7 @@ static char *nested(int depth) {
   return g_string_free(text, FALSE);
 }
 
-static void depth_is_at_most_32(void **state) {
+TEST(depth_is_at_most_32) {
   char *good = nested(32), *bad = nested(33), *absurd = g_strnfill(1000000, '[');
   cJSON *value = parse(good);
   assert_non_null(value);
@@ -86,7 +86,7 @@ static void depth_is_at_most_32(void **state) {
 }
 
 /* Many names go through the hash table: every one distinct, then one again. */
-static void many_names(void **state) {
+TEST(many_names) {
   GString *text = g_string_new("{");
   for (int i = 0; i < 20000; i++)
     g_string_append_printf(text, "%s\"n%d\":%d", i ? "," : "", i, i);
@@ -101,7 +101,7 @@ static void many_names(void **state) {
   g_string_free(text, TRUE);
 }
 
-static void every_truncation_is_refused(void **state) {
+TEST(every_truncation_is_refused) {
   static const char text[] = "{\"a\":[1,-2.5e3,true,null,\"x\\u00e9\\ud83d\\ude00\"],\"b\":{}}";
   for (size_t size = 0; size < sizeof text - 1; size++) {
     char *copy = g_memdup2(text, size); /* its own allocation: an over-read is seen by the sanitiser */
@@ -112,7 +112,7 @@ static void every_truncation_is_refused(void **state) {
 }
 
 /* The examples of RFC 7396, appendix A. */
-static void merge_patch_examples(void **state) {
+TEST(merge_patch_examples) {
   static const char *const cases[][3] = {
       {"{\"a\":\"b\"}", "{\"a\":\"c\"}", "{\"a\":\"c\"}"},
       {"{\"a\":\"b\"}", "{\"b\":\"c\"}", "{\"a\":\"b\",\"b\":\"c\"}"},
@@ -139,9 +139,4 @@ static void merge_patch_examples(void **state) {
   }
 }
 
-int main(void) {
-  const struct CMUnitTest tests[] = {TEST(accepts_json), TEST(refuses_what_is_not_json), TEST(says_line_and_column),
-    TEST(zero_byte_is_refused), TEST(depth_is_at_most_32), TEST(many_names), TEST(every_truncation_is_refused),
-    TEST(merge_patch_examples)};
-  return cmocka_run_group_tests(tests, NULL, NULL);
-}
+TESTS(NULL, NULL)

@@ -7,7 +7,7 @@ static bool parse(const char *text, tcp_message *message, GError **error) {
   return tcp_message_parse(text, strlen(text), message, error);
 }
 
-static void reads_every_type(void **state) {
+TEST(reads_every_type) {
   tcp_message m;
   assert_true(parse("{\"type\":\"patch\",\"seq\":9007199254740992,\"scene\":{\"mode\":\"mip\"}}", &m, NULL));
   assert_int_equal(m.type, TCP_PATCH);
@@ -30,7 +30,7 @@ static void reads_every_type(void **state) {
   assert_true(m.type == TCP_PING && m.t == 1.5);
 }
 
-static void refuses_messages(void **state) {
+TEST(refuses_messages) {
   static const struct {
     const char *text, *pointer;
   } cases[] = {{"[]", ""},
@@ -59,7 +59,7 @@ static void refuses_messages(void **state) {
   }
 }
 
-static void keeps_the_seq_of_a_bad_patch(void **state) {
+TEST(keeps_the_seq_of_a_bad_patch) {
   tcp_message m;
   assert_false(parse("{\"type\":\"patch\",\"seq\":41,\"scene\":7}", &m, NULL));
   assert_int_equal(m.seq, 41);
@@ -69,7 +69,7 @@ static void keeps_the_seq_of_a_bad_patch(void **state) {
   assert_int_equal(m.seq, 0);
 }
 
-static void frame_header(void **state) {
+TEST(frame_header) {
   tcp_frame_header h = {.frame = 7,
                         .seq = 300,
                         .width = 640,
@@ -109,7 +109,7 @@ static void frame_header(void **state) {
   g_free(bytes);
 }
 
-static void problems(void **state) {
+TEST(problems) {
   static const struct {
     tc_error_code code;
     int status;
@@ -143,7 +143,7 @@ static void problems(void **state) {
   }
 }
 
-static void foreign_errors_are_internal(void **state) {
+TEST(foreign_errors_are_internal) {
   GError *error = g_error_new(G_FILE_ERROR, G_FILE_ERROR_NOENT, "no \xff such file");
   cJSON *p = tcp_problem(error);
   assert_int_equal(tcp_problem_status(error), 500);
@@ -152,8 +152,4 @@ static void foreign_errors_are_internal(void **state) {
   g_error_free(error);
 }
 
-int main(void) {
-  const struct CMUnitTest tests[] = {TEST(reads_every_type), TEST(refuses_messages),
-    TEST(keeps_the_seq_of_a_bad_patch), TEST(frame_header), TEST(problems), TEST(foreign_errors_are_internal)};
-  return cmocka_run_group_tests(tests, NULL, NULL);
-}
+TESTS(NULL, NULL)

@@ -71,7 +71,7 @@ static const char everything[] =
     "\"labels\":{\"volume\":\"seg\",\"opacity\":0.25,\"colors\":{\"1\":[1,0,0,1],\"4294967295\":[0,1,0,0.5]},"
     "\"visible\":[1,2]},\"quality\":{\"maxError\":0.01},\"errorMeter\":{\"pixels\":64}}";
 
-static void round_trip(void **state) {
+TEST_WITH(round_trip, set_up, tear_down) {
   accept(everything);
   assert_int_equal(scene.mode, TC_MODE_MPR);
   assert_true(scene.image.transparent);
@@ -87,7 +87,7 @@ static void round_trip(void **state) {
   cJSON_Delete(written);
 }
 
-static void written_scene_is_accepted_unchanged(void **state) {
+TEST_WITH(written_scene_is_accepted_unchanged, set_up, tear_down) {
   accept("{\"transferFunction\":{\"preset\":\"surface\"}}");
   cJSON *first = tcp_scene_write(&scene);
   tc_scene_clear(&scene);
@@ -100,7 +100,7 @@ static void written_scene_is_accepted_unchanged(void **state) {
   cJSON_Delete(second);
 }
 
-static void null_returns_to_defaults(void **state) {
+TEST_WITH(null_returns_to_defaults, set_up, tear_down) {
   static const char *const groups[] = {"image",          "camera",     "transferFunction",
                                        "window",         "sampling",   "skipping",
                                        "shading",        "clip",       "isosurface",
@@ -124,7 +124,7 @@ static void null_returns_to_defaults(void **state) {
   assert_float_equal(scene.camera.position[1], -1, 0);
 }
 
-static void refuses_values(void **state) {
+TEST_WITH(refuses_values, set_up, tear_down) {
   static const struct {
     const char *text, *pointer, *words;
   } cases[] = {
@@ -185,7 +185,7 @@ static void refuses_values(void **state) {
     refuse(cases[i].text, TC_ERROR_INVALID, cases[i].pointer, cases[i].words);
 }
 
-static void names_unknown_members(void **state) {
+TEST_WITH(names_unknown_members, set_up, tear_down) {
   refuse("{\"camera\":{\"fov\":40}}", TC_ERROR_INVALID, "/camera/fov", "did you mean \"fovY\"?");
   refuse("{\"camera\":{\"fovy\":40}}", TC_ERROR_INVALID, "/camera/fovy", "did you mean \"fovY\"?");
   refuse("{\"quality\":{\"max_error\":1}}", TC_ERROR_INVALID, "/quality/max_error", "did you mean \"maxError\"?");
@@ -196,7 +196,7 @@ static void names_unknown_members(void **state) {
   refuse("{\"line\\nbreak\":1}", TC_ERROR_INVALID, "/line\nbreak", "unknown member");
 }
 
-static void limits(void **state) {
+TEST_WITH(limits, set_up, tear_down) {
   refuse("{\"image\":{\"width\":8193}}", TC_ERROR_LIMIT, "/image/width", "at most 8192");
   refuse("{\"image\":{\"width\":8192,\"height\":8192}}", TC_ERROR_LIMIT, "/image", "at most 16800000");
   refuse("{\"sampling\":{\"raysPerPixel\":65}}", TC_ERROR_LIMIT, "/sampling/raysPerPixel", "at most 64");
@@ -216,7 +216,7 @@ static cJSON *knots_patch(int count) {
   return document;
 }
 
-static void knot_limit(void **state) {
+TEST_WITH(knot_limit, set_up, tear_down) {
   GError *error = NULL;
   cJSON *most = knots_patch(TC_MAX_KNOTS), *more = knots_patch(TC_MAX_KNOTS + 1);
   assert_true(tcp_scene_patch(&scene, most, &defaults, &context, NULL));
@@ -232,7 +232,7 @@ static void knot_limit(void **state) {
 #define POINTS(list) "{\"transferFunction\":{\"points\":[" list "]}}"
 #define WHITE "\"color\":[1,1,1],"
 
-static void refuses_points(void **state) {
+TEST_WITH(refuses_points, set_up, tear_down) {
   refuse(POINTS(""), TC_ERROR_INVALID, "/transferFunction/points", "at least one");
   refuse(POINTS("1"), TC_ERROR_INVALID, "/transferFunction/points/0", "an object");
   refuse(POINTS("{\"value\":1,\"opacity\":1}"), TC_ERROR_INVALID, "/transferFunction/points/0", "\"color\"");
@@ -254,7 +254,7 @@ static void refuses_points(void **state) {
          "did you mean \"ct-bone\"?");
 }
 
-static void knots_are_sorted_stably(void **state) {
+TEST_WITH(knots_are_sorted_stably, set_up, tear_down) {
   accept(POINTS("{\"value\":5,\"color\":[0,0,1],\"opacity\":0.1},{\"value\":1,\"color\":[0,0,0],\"opacity\":0.2},"
                 "{\"value\":5,\"color\":[1,0,0],\"opacity\":0.3},{\"value\":5,\"color\":[0,1,0],\"opacity\":0.4}"));
   const tc_knot *k = scene.transfer_function.points;
@@ -263,7 +263,7 @@ static void knots_are_sorted_stably(void **state) {
     assert_float_equal(k[i].amount, wanted[i], 0);
 }
 
-static void presets_and_points(void **state) {
+TEST_WITH(presets_and_points, set_up, tear_down) {
   accept("{\"transferFunction\":{\"preset\":\"ct-bone\"}}");
   assert_string_equal(scene.transfer_function.preset, "ct-bone");
   assert_true(scene.transfer_function.count > 1);
@@ -287,7 +287,7 @@ static void presets_and_points(void **state) {
   assert_int_equal(scene.transfer_function.count, defaults.transfer_function.count);
 }
 
-static void quality_bounds_replace_each_other(void **state) {
+TEST_WITH(quality_bounds_replace_each_other, set_up, tear_down) {
   accept("{\"quality\":{\"maxError\":0.25}}");
   accept("{\"quality\":{\"maxMilliseconds\":20}}");
   assert_float_equal(scene.quality.max_error, 0, 0);
@@ -297,7 +297,7 @@ static void quality_bounds_replace_each_other(void **state) {
   assert_float_equal(scene.quality.max_ms, 0, 0);
 }
 
-static void label_colors_merge(void **state) {
+TEST_WITH(label_colors_merge, set_up, tear_down) {
   accept("{\"labels\":{\"colors\":{\"7\":[1,0,0,1],\"3\":[0,1,0,1]}}}");
   accept("{\"labels\":{\"colors\":{\"7\":[0,0,1,1],\"3\":null,\"5\":[1,1,1,1]}}}");
   assert_int_equal(scene.labels.n_colors, 2);
@@ -317,7 +317,7 @@ static void label_colors_merge(void **state) {
 }
 
 /* A list is replaced as a whole, shared by copies, and empty again by null. */
-static void surfaces_are_a_list(void **state) {
+TEST_WITH(surfaces_are_a_list, set_up, tear_down) {
   accept("{\"mesh\":{\"surfaces\":[{\"value\":1},{\"label\":2,\"color\":[0,0,1]}]}}");
   tc_scene copy;
   tc_scene_copy(&copy, &scene);
@@ -336,7 +336,7 @@ static void surfaces_are_a_list(void **state) {
 }
 
 /* What a picture's header has: the members that its mode uses, and labels only where they are the picture. */
-static void what_is_shown_is_what_the_mode_uses(void **state) {
+TEST_WITH(what_is_shown_is_what_the_mode_uses, set_up, tear_down) {
   static const char *const modes[][2] = {{"mpr", "mode image window mpr"},
                                          {"minip", "mode image camera window clip"},
                                          {"mesh", "mode image camera isosurface mesh labels"}};
@@ -379,7 +379,7 @@ static void spoil(cJSON *node) {
   }
 }
 
-static void lists_read_beforehand_are_not_read_again(void **state) {
+TEST_WITH(lists_read_beforehand_are_not_read_again, set_up, tear_down) {
   accept("{\"labels\":{\"colors\":{\"7\":[1,0,0,1],\"3\":[0,1,0,1],\"30\":[1,1,0,1]}}}");
   tc_scene_take_colors(&defaults, &scene);
   for (int i = 0; i < 50; i++) {
@@ -403,14 +403,14 @@ static void lists_read_beforehand_are_not_read_again(void **state) {
   }
 }
 
-static void transparency_needs_png(void **state) {
+TEST_WITH(transparency_needs_png, set_up, tear_down) {
   accept("{\"image\":{\"background\":\"transparent\",\"format\":\"png\"}}");
   refuse("{\"image\":{\"format\":\"jpeg\"}}", TC_ERROR_INVALID, "/image/format", "png");
   accept("{\"image\":{\"format\":\"jpeg\",\"background\":[1,1,1]}}");
   assert_false(scene.image.transparent);
 }
 
-static void set_expressions(void **state) {
+TEST(set_expressions) {
   static const char *const good[][2] = {{"camera.fovY=40", "{\"camera\":{\"fovY\":40}}"},
                                         {"mode=mip", "{\"mode\":\"mip\"}"},
                                         {"mode=\"mip\"", "{\"mode\":\"mip\"}"},
@@ -436,14 +436,4 @@ static void set_expressions(void **state) {
   }
 }
 
-#define WITH_SCENE(test) cmocka_unit_test_setup_teardown(test, set_up, tear_down)
-
-int main(void) {
-  const struct CMUnitTest tests[] = {WITH_SCENE(round_trip), WITH_SCENE(written_scene_is_accepted_unchanged),
-    WITH_SCENE(null_returns_to_defaults), WITH_SCENE(refuses_values), WITH_SCENE(names_unknown_members),
-    WITH_SCENE(limits), WITH_SCENE(knot_limit), WITH_SCENE(refuses_points), WITH_SCENE(knots_are_sorted_stably),
-    WITH_SCENE(presets_and_points), WITH_SCENE(quality_bounds_replace_each_other), WITH_SCENE(label_colors_merge),
-    WITH_SCENE(surfaces_are_a_list), WITH_SCENE(what_is_shown_is_what_the_mode_uses),
-    WITH_SCENE(lists_read_beforehand_are_not_read_again), WITH_SCENE(transparency_needs_png), TEST(set_expressions)};
-  return cmocka_run_group_tests(tests, NULL, NULL);
-}
+TESTS(NULL, NULL)

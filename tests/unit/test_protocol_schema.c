@@ -6,7 +6,7 @@
 #define SCHEMA_FILE TC_SOURCE_DIR "/protocol/scene.schema.json"
 
 /* With TC_WRITE_SCHEMA set the file is written anew first. */
-static void file_agrees_with_table(void **state) {
+TEST(file_agrees_with_table) {
   cJSON *schema = tcp_scene_schema();
   char *text = cJSON_Print(schema), *file = NULL;
   gsize size;
@@ -40,7 +40,7 @@ static void check_described(cJSON *value, cJSON *schema, const char *where) {
   }
 }
 
-static void schema_describes_what_is_written(void **state) {
+TEST(schema_describes_what_is_written) {
   tc_scene scene;
   tc_scene_init(&scene);
   cJSON *schema = tcp_scene_schema(), *written = tcp_scene_write(&scene);
@@ -55,7 +55,7 @@ static void schema_describes_what_is_written(void **state) {
   tc_scene_clear(&scene);
 }
 
-static void defaults_are_a_valid_patch(void **state) {
+TEST(defaults_are_a_valid_patch) {
   tc_scene scene, defaults;
   tc_scene_init(&scene);
   tc_scene_init(&defaults);
@@ -78,7 +78,7 @@ static void check_references(cJSON *document, cJSON *json) {
   }
 }
 
-static void openapi_is_complete(void **state) {
+TEST(openapi_is_complete) {
   static const char *const calls[][2] = {{"/healthz", "get"},
                                          {"/readyz", "get"},
                                          {"/metrics", "get"},
@@ -125,7 +125,7 @@ static void openapi_is_complete(void **state) {
 }
 
 /* What the presets' document lists can be sent back: by name and by points. */
-static void presets_can_be_used(void **state) {
+TEST(presets_can_be_used) {
   tc_scene scene, defaults;
   tc_scene_init(&scene);
   tc_scene_init(&defaults);
@@ -147,8 +147,4 @@ static void presets_can_be_used(void **state) {
   tc_scene_clear(&defaults);
 }
 
-int main(void) {
-  const struct CMUnitTest tests[] = {TEST(file_agrees_with_table), TEST(schema_describes_what_is_written),
-    TEST(defaults_are_a_valid_patch), TEST(openapi_is_complete), TEST(presets_can_be_used)};
-  return cmocka_run_group_tests(tests, NULL, NULL);
-}
+TESTS(NULL, NULL)

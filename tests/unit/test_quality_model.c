@@ -33,7 +33,7 @@ static void look_from(double azimuth, double distance) {
   scene.camera.position[1] = -distance * cos(azimuth);
 }
 
-static void careful_before_anything_is_measured(void **state) {
+TEST_WITH(careful_before_anything_is_measured, set_up, tear_down) {
   tc_quality_model model = {0};
   tc_camera wanted;
   tc_quality_choose(&model, &cpu, &scene, PIXELS, &choice);
@@ -43,7 +43,7 @@ static void careful_before_anything_is_measured(void **state) {
   assert_memory_equal(wanted.position, scene.camera.position, sizeof wanted.position); /* its own first */
 }
 
-static void the_step_follows_bound_and_order(void **state) {
+TEST_WITH(the_step_follows_bound_and_order, set_up, tear_down) {
   tc_quality_model model = {0};
   tc_quality_view view = second_order(0.01);
   tc_quality_add(&model, &view);
@@ -62,7 +62,7 @@ static void the_step_follows_bound_and_order(void **state) {
   assert_true(choice.step < near);
 }
 
-static void far_views_are_taken_at_their_worst(void **state) {
+TEST_WITH(far_views_are_taken_at_their_worst, set_up, tear_down) {
   tc_quality_model model = {0};
   tc_quality_view easy = second_order(0.005), hard;
   tc_camera wanted;
@@ -87,7 +87,7 @@ static void far_views_are_taken_at_their_worst(void **state) {
   assert_int_equal(more, 4); /* six sides, two of them known */
 }
 
-static void a_floor_is_said(void **state) {
+TEST_WITH(a_floor_is_said, set_up, tear_down) {
   tc_quality_model model = {0};
   tc_quality_view view = {scene.camera, {{0.0625, 0.02, 0, 0, 0.0625, 0.1}}};
   tc_quality_add(&model, &view);
@@ -96,7 +96,7 @@ static void a_floor_is_said(void **state) {
   assert_non_null(strstr(choice.reason, "no step holds"));
 }
 
-static void cameras_differ_by_turn_scale_and_shift(void **state) {
+TEST_WITH(cameras_differ_by_turn_scale_and_shift, set_up, tear_down) {
   tc_camera a = scene.camera;
   assert_float_equal(tc_quality_distance(&a, &scene.camera), 0, 1e-7);
   look_from(0.3, 100);
@@ -108,7 +108,7 @@ static void cameras_differ_by_turn_scale_and_shift(void **state) {
   assert_float_equal(tc_quality_distance(&a, &scene.camera), 10 / (100 * tan(15 * M_PI / 180)), 1e-9);
 }
 
-static void the_oldest_view_makes_room(void **state) {
+TEST_WITH(the_oldest_view_makes_room, set_up, tear_down) {
   tc_quality_model model = {0};
   tc_quality_view view = second_order(0.01);
   for (int i = 0; i <= TC_QUALITY_VIEWS + 2; i++) {
@@ -135,7 +135,7 @@ static tc_quality_choice choose_method(double gain, const tc_quality_cost *cost)
   return choice;
 }
 
-static void the_method_is_the_cheaper_one(void **state) {
+TEST_WITH(the_method_is_the_cheaper_one, set_up, tear_down) {
   scene.quality.max_error = 1e-3;
   assert_int_equal(choose_method(3, &cpu).classification, TC_PREINTEGRATED2); /* 1.39 beside 0.32 voxels */
   assert_true(choice.holds && choice.step > 1.2 && strstr(choice.reason, "preintegrated would need 0.2"));
@@ -153,7 +153,7 @@ static void the_method_is_the_cheaper_one(void **state) {
 }
 
 /* Rays of a pixel share its samples, so one curve over a ray's own spacing serves every number of them. */
-static void many_rays_share_the_steps(void **state) {
+TEST_WITH(many_rays_share_the_steps, set_up, tear_down) {
   tc_quality_model model = {0};
   tc_quality_view view = second_order(0.01);
   tc_quality_add(&model, &view);
@@ -190,7 +190,7 @@ static double said(const tc_quality_cost *cost, double pixels, double step) {
   return tc_quality_cost_ms(cost, &scene, pixels);
 }
 
-static void cost_is_learnt(void **state) {
+TEST_WITH(cost_is_learnt, set_up, tear_down) {
   tc_quality_cost cost = cpu;
   assert_true(said(&cost, 1e5, 1) == 0 && tc_quality_cost_step(&cost, &scene, 1e5, 10) == 1);
   add(&cost, 1e5, 1, 1);
@@ -230,7 +230,7 @@ static void cost_is_learnt(void **state) {
 
 /* Final frames, some into a direction that takes nearly twice as long, each after one in motion, which costs half as
  * much. */
-static void a_frame_in_motion_foretells_the_final_one(void **state) {
+TEST_WITH(a_frame_in_motion_foretells_the_final_one, set_up, tear_down) {
   tc_quality_cost cost = cpu;
   tc_quality_pace pace = {0};
   for (int i = 0; i < 24; i++) {
@@ -255,7 +255,7 @@ static void choose_in(const tc_quality_model *model, tc_quality_cost cost, doubl
   tc_quality_choose(model, &cost, &scene, PIXELS, &choice);
 }
 
-static void a_time_gets_the_least_error(void **state) {
+TEST_WITH(a_time_gets_the_least_error, set_up, tear_down) {
   tc_quality_model sharp = both_methods(3), level = both_methods(1.2), none = {0};
   tc_quality_cost gl_known = gl;
   add(&gl_known, 9e4, 1, 1);
@@ -290,7 +290,7 @@ static void a_time_gets_the_least_error(void **state) {
 }
 
 /* Where the curves cross, the method in use stays to either side. */
-static void methods_do_not_swing(void **state) {
+TEST_WITH(methods_do_not_swing, set_up, tear_down) {
   tc_quality_model model = both_methods(2); /* they cross at 0.41 and 1.1 */
   tc_quality_cost cost = cpu;
   int changes = 0, either[2] = {0};
@@ -326,7 +326,7 @@ static void methods_do_not_swing(void **state) {
 
 /* A session under a budget, on machines and looks of all kinds whose frames' times scatter: after a few frames each
  * takes no more than the budget and not much less, unless steps end there. */
-static void a_budget_is_met_within_a_few_frames(void **state) {
+TEST_WITH(a_budget_is_met_within_a_few_frames, set_up, tear_down) {
   enum { FEW = 4, FRAMES = 16, LOOKS = 300 };
   uint64_t noise = 1;
   int settled = 0, over = 0, under = 0;
@@ -352,20 +352,4 @@ static void a_budget_is_met_within_a_few_frames(void **state) {
   assert_true(over <= settled / 100 && under <= settled / 100);
 }
 
-int main(void) {
-  const struct CMUnitTest tests[] = {
-    cmocka_unit_test_setup_teardown(careful_before_anything_is_measured, set_up, tear_down),
-    cmocka_unit_test_setup_teardown(the_step_follows_bound_and_order, set_up, tear_down),
-    cmocka_unit_test_setup_teardown(far_views_are_taken_at_their_worst, set_up, tear_down),
-    cmocka_unit_test_setup_teardown(a_floor_is_said, set_up, tear_down),
-    cmocka_unit_test_setup_teardown(cameras_differ_by_turn_scale_and_shift, set_up, tear_down),
-    cmocka_unit_test_setup_teardown(the_oldest_view_makes_room, set_up, tear_down),
-    cmocka_unit_test_setup_teardown(the_method_is_the_cheaper_one, set_up, tear_down),
-    cmocka_unit_test_setup_teardown(many_rays_share_the_steps, set_up, tear_down),
-    cmocka_unit_test_setup_teardown(cost_is_learnt, set_up, tear_down),
-    cmocka_unit_test_setup_teardown(a_frame_in_motion_foretells_the_final_one, set_up, tear_down),
-    cmocka_unit_test_setup_teardown(a_time_gets_the_least_error, set_up, tear_down),
-    cmocka_unit_test_setup_teardown(methods_do_not_swing, set_up, tear_down),
-    cmocka_unit_test_setup_teardown(a_budget_is_met_within_a_few_frames, set_up, tear_down)};
-  return cmocka_run_group_tests(tests, NULL, NULL);
-}
+TESTS(NULL, NULL)

@@ -136,7 +136,7 @@ static const tc_camera above = {.projection = TC_ORTHOGRAPHIC, .position = {0, 0
 
 /* ---- coverage ---- */
 
-static void each_sample_belongs_to_one_triangle_of_a_sheet(void **unused) {
+TEST(each_sample_belongs_to_one_triangle_of_a_sheet) {
   picture *p = new_picture();
   static const struct { int n; double size, snap, hills; } kinds[] = {
       {3, 2000, 1 / 256.0, 0}, {20, 300, 0.5, 3},          {150, 230, 1 / 256.0, 0}, {150, 230, 0.5, 1},
@@ -160,7 +160,7 @@ static void each_sample_belongs_to_one_triangle_of_a_sheet(void **unused) {
 
 /* Samples of an exact sphere of 50 mm about the origin, but for those next to its edge: hit or not, and how far. */
 /* Needles across the picture, a thirtieth of a pixel wide: each sample is of one of them. */
-static void needles_leave_no_gap(void **unused) {
+TEST(needles_leave_no_gap) {
   enum { NEEDLES = 3000 };
   picture *p = new_picture();
   tc_mesh *m = tc_mesh_new(2 * (NEEDLES + 1), 2 * NEEDLES, false, NULL);
@@ -215,7 +215,7 @@ static void compare_with_sphere(const picture *p, const tc_camera *camera, doubl
   assert_int_equal(wrong, 0);
 }
 
-static void silhouettes_and_depths_are_those_of_a_sphere(void **unused) {
+TEST(silhouettes_and_depths_are_those_of_a_sphere) {
   picture *p = new_picture();
   tc_clusters *c = cluster(spheres(180, 1, 50, 0));
   assert_true(c->parts[0].closed && c->bytes < 20 * c->n_triangles);
@@ -237,7 +237,7 @@ static void silhouettes_and_depths_are_those_of_a_sphere(void **unused) {
   test_free(p);
 }
 
-static void a_camera_inside_sees_surface_all_around(void **unused) {
+TEST(a_camera_inside_sees_surface_all_around) {
   picture *p = new_picture();
   tc_clusters *c = cluster(spheres(60, 1, 50, 0));
   static const double angles[] = {20, 100, 178};
@@ -253,7 +253,7 @@ static void a_camera_inside_sees_surface_all_around(void **unused) {
 
 /* A floor that begins behind the eye and ends far away, of few triangles and of many: below the horizon it is seen
  * everywhere, at the right depth. */
-static void a_floor_through_the_eye_plane_ends_at_the_horizon(void **unused) {
+TEST(a_floor_through_the_eye_plane_ends_at_the_horizon) {
   picture *p = new_picture();
   for (int n = 1; n <= 101; n += 50) {
     tc_clusters *c = cluster(sheet(n, -1e5, 1e5, 1, 0));
@@ -271,7 +271,7 @@ static void a_floor_through_the_eye_plane_ends_at_the_horizon(void **unused) {
   test_free(p);
 }
 
-static void what_is_far_from_the_patients_origin_looks_the_same(void **unused) {
+TEST(what_is_far_from_the_patients_origin_looks_the_same) {
   picture *p = new_picture(), *q = new_picture();
   tc_clusters *c = cluster(spheres(40, 2, 30, 45));
   drawing d = {.camera = {.projection = TC_PERSPECTIVE, .position = {60, -200, 90}, .target = {20, 0, 0}, .up = {0, 0, 1},
@@ -284,7 +284,7 @@ static void what_is_far_from_the_patients_origin_looks_the_same(void **unused) {
   test_free(p), test_free(q);
 }
 
-static void planes_cut_exactly(void **unused) {
+TEST(planes_cut_exactly) {
   picture *p = new_picture();
   tc_clusters *c = cluster(spheres(90, 1, 50, 0));
   const drawing d = {.camera = above, .width = 200, .height = 200, .clip = {{1, 0, 0, -10.25}, {0, 0, -2, 60}}, .n_clip = 2};
@@ -320,7 +320,7 @@ static tc_mesh *soup(int n) {
   return m;
 }
 
-static void every_instruction_set_and_any_threads_draw_the_same_bits(void **unused) {
+TEST(every_instruction_set_and_any_threads_draw_the_same_bits) {
   picture *p = new_picture(), *q = new_picture();
   tc_clusters *c = cluster(soup(4000));
   tc_pool *pool = tc_pool_new(3, NULL);
@@ -348,7 +348,7 @@ static void every_instruction_set_and_any_threads_draw_the_same_bits(void **unus
 
 /* ---- what is left out ---- */
 
-static void nothing_is_shaded_that_nobody_sees(void **unused) {
+TEST(nothing_is_shaded_that_nobody_sees) {
   picture *p = new_picture();
   tc_clusters *c = cluster(spheres(60, 6, 50, 0)); /* six spheres one in another */
   drawing d = {.camera = above, .width = 256, .height = 256};
@@ -366,7 +366,7 @@ static void nothing_is_shaded_that_nobody_sees(void **unused) {
 }
 
 /* Forward shading gives the same picture; of deep scenes it shades what is covered later too. */
-static void forward_shading_draws_the_same(void **unused) {
+TEST(forward_shading_draws_the_same) {
   picture *p = new_picture(), *q = new_picture();
   tc_mesh *m = spheres(40, 12, 60, 2);
   tc_clusters *c = cluster(m);
@@ -386,7 +386,7 @@ static void forward_shading_draws_the_same(void **unused) {
   test_free(q);
 }
 
-static void light_follows_the_normals(void **unused) {
+TEST(light_follows_the_normals) {
   picture *p = new_picture();
   tc_clusters *c = cluster(spheres(90, 1, 50, 0));
   const drawing d = {.camera = above, .width = 200, .height = 200, .shaded = true};
@@ -402,7 +402,7 @@ static void light_follows_the_normals(void **unused) {
   test_free(p);
 }
 
-static void what_nobody_can_see_is_in_no_cluster(void **unused) {
+TEST(what_nobody_can_see_is_in_no_cluster) {
   tc_mesh *m = sheet(40, -10, 10, 1 / 256.0, 1);
   m->positions[5][1] = NAN, m->positions[700][2] = INFINITY; /* six triangles each, or so */
   m->triangles[900][1] = m->triangles[900][0];
@@ -431,7 +431,7 @@ static void what_nobody_can_see_is_in_no_cluster(void **unused) {
 
 /* ---- stopping ---- */
 
-static void drawing_and_clustering_stop_at_any_look(void **unused) {
+TEST(drawing_and_clustering_stop_at_any_look) {
   picture *p = new_picture();
   tc_mesh *m = spheres(150, 1, 50, 0);
   tc_clusters *c = tc_clusters_make(m, NULL, NULL, NULL);
@@ -486,7 +486,7 @@ static void composite(double sum[4], const tc_raster_surface *s) {
   sum[3] += share;
 }
 
-static void nested_spheres_have_their_analytic_colours(void **unused) {
+TEST(nested_spheres_have_their_analytic_colours) {
   picture *p = new_picture();
   tc_mesh *meshes[4];
   for (int i = 0; i < 4; i++) meshes[i] = spheres(120, 1, 20 + 20 * i, 0); /* the innermost first */
@@ -511,7 +511,7 @@ static void nested_spheres_have_their_analytic_colours(void **unused) {
 }
 
 /* Lights of two colours add up, and a surface of another look has its own. */
-static void lights_add_up_and_surfaces_have_their_own(void **unused) {
+TEST(lights_add_up_and_surfaces_have_their_own) {
   picture *p = new_picture();
   tc_mesh *meshes[2] = {spheres(90, 1, 40, 0), spheres(90, 1, 80, 0)};
   tc_clusters *c = parts(meshes, 2);
@@ -583,7 +583,7 @@ static bool brute_force(tc_mesh *const meshes[6], double x, double y, double sum
   return true;
 }
 
-static void layers_are_in_the_order_of_brute_force(void **unused) {
+TEST(layers_are_in_the_order_of_brute_force) {
   picture *p = new_picture(), *q = new_picture();
   tc_mesh *meshes[6], *kept[6];
   for (int round = 0; round < 2; round++) {
@@ -633,7 +633,7 @@ static tc_mesh *stack(int n, double nearest) {
 }
 
 /* More than are sorted at once; and of many only those that light comes through are shaded, before what is opaque. */
-static void many_layers_cost_what_is_seen_of_them(void **unused) {
+TEST(many_layers_cost_what_is_seen_of_them) {
   picture *p = new_picture();
   tc_clusters *c = cluster(stack(300, 50));
   drawing d = {.camera = above, .width = 64, .height = 64, .surfaces = &(tc_raster_surface){{1, 1, 1}, 0.001f, false}};
@@ -653,7 +653,7 @@ static void many_layers_cost_what_is_seen_of_them(void **unused) {
 }
 
 /* What a row of a tile takes of memory and time is bounded: of 5 samples a pixel, 6553 layers. */
-static void too_many_layers_are_refused(void **unused) {
+TEST(too_many_layers_are_refused) {
   GError *error = NULL;
   picture *p = new_picture();
   tc_clusters *c = cluster(stack(6600, 50));
@@ -667,7 +667,7 @@ static void too_many_layers_are_refused(void **unused) {
 }
 
 /* How often triangles cover pixels, against what is drawn: all of few, some of many, around the eye and beside the picture. */
-static void what_is_covered_is_known_before(void **unused) {
+TEST(what_is_covered_is_known_before) {
   static const tc_camera inside = {.projection = TC_PERSPECTIVE, .position = {1, 2, 0}, .target = {30, 5, 9}, .up = {0, 0, 1},
                                    .fov_y_deg = 60};
   static const tc_camera beside = {.projection = TC_ORTHOGRAPHIC, .position = {60, 60, 100}, .target = {60, 60, 0},
@@ -690,7 +690,7 @@ static void what_is_covered_is_known_before(void **unused) {
 }
 
 /* A part that is copied out of several and put together again is what it was. */
-static void parts_are_copied_whole(void **unused) {
+TEST(parts_are_copied_whole) {
   tc_clusters *all = parts((tc_mesh *[]){spheres(30, 1, 20, 0), spheres(50, 1, 30, 0), spheres(10, 1, 40, 0)}, 3), *again = NULL;
   for (size_t i = 0; i < 3; i++)
     assert_true(tc_clusters_add(&again, tc_clusters_copy_part(all, i, NULL), &all->parts[i].of, NULL));
@@ -704,16 +704,4 @@ static void parts_are_copied_whole(void **unused) {
   tc_clusters_free(all), tc_clusters_free(again);
 }
 
-int main(void) {
-  const struct CMUnitTest tests[] = {TEST(each_sample_belongs_to_one_triangle_of_a_sheet),
-    TEST(needles_leave_no_gap), TEST(silhouettes_and_depths_are_those_of_a_sphere), TEST(a_camera_inside_sees_surface_all_around),
-    TEST(a_floor_through_the_eye_plane_ends_at_the_horizon),
-    TEST(what_is_far_from_the_patients_origin_looks_the_same), TEST(planes_cut_exactly),
-    TEST(every_instruction_set_and_any_threads_draw_the_same_bits), TEST(nothing_is_shaded_that_nobody_sees),
-    TEST(forward_shading_draws_the_same), TEST(light_follows_the_normals), TEST(what_nobody_can_see_is_in_no_cluster),
-    TEST(drawing_and_clustering_stop_at_any_look), TEST(nested_spheres_have_their_analytic_colours), TEST(lights_add_up_and_surfaces_have_their_own),
-    TEST(layers_are_in_the_order_of_brute_force), TEST(many_layers_cost_what_is_seen_of_them),
-    TEST(too_many_layers_are_refused),
-    TEST(what_is_covered_is_known_before), TEST(parts_are_copied_whole)};
-  return cmocka_run_group_tests_name("raster", tests, NULL, NULL);
-}
+TESTS(NULL, NULL)

@@ -164,7 +164,7 @@ static void surfaces_are_judged(const cJSON *report) {
   assert_true(full > 0 && full < 0.2 && least > full);
 }
 
-static void reports_a_volume(void **state) {
+TEST(reports_a_volume) {
   run_quick(-1);
   cJSON *report = json_out("report.json");
   GArray *rows = rows_of(report);
@@ -206,7 +206,7 @@ static void reports_a_volume(void **state) {
 }
 
 /* What is there is not measured again; a torn line is; nothing is lost. */
-static void goes_on_where_it_ended(void **state) {
+TEST(goes_on_where_it_ended) {
   run_quick(0);
   char *text = read_out("results.jsonl"), *path = path_of("results.jsonl");
   int before = lines_of(text);
@@ -223,7 +223,7 @@ static void goes_on_where_it_ended(void **state) {
   g_free(text);
 }
 
-static void an_interrupt_leaves_a_report(void **state) {
+TEST(an_interrupt_leaves_a_report) {
   const char *const argv[] = {TC_BINARY_DIR "/tomocast",
                               "report",
                               "--output",
@@ -269,7 +269,7 @@ static void an_interrupt_leaves_a_report(void **state) {
   g_free(path);
 }
 
-static void bad_usage(void **state) {
+TEST(bad_usage) {
   const struct {
     const char *words, *argument, *value;
   } cases[] = {
@@ -287,7 +287,7 @@ static void bad_usage(void **state) {
 
 /* ---- scenes and settings ---- */
 
-static void scenes_can_be_rendered(void **state) {
+TEST(scenes_can_be_rendered) {
   int smooth = 0, stiff = 0;
   assert_true(tcs_report_scene_count() >= 8);
   for (int i = 0; i < tcs_report_scene_count(); i++) {
@@ -304,7 +304,7 @@ static void scenes_can_be_rendered(void **state) {
 }
 
 /* The built-in objects fill from next to nothing to most of the grid. */
-static void objects_grow(void **state) {
+TEST(objects_grow) {
   const int ends[] = {0, tcs_report_object_count(false) - 1};
   double mean[2];
   for (int i = 0; i < 2; i++) {
@@ -322,7 +322,7 @@ static void objects_grow(void **state) {
 }
 
 /* A classification is swept exactly when the plan takes it; what is refused is said. */
-static void settings_follow_the_plan(void **state) {
+TEST(settings_follow_the_plan) {
   tcs_report_scene scene;
   cJSON *left_out = cJSON_CreateArray();
   assert_true(tcs_report_scene_make(0, &scene, NULL));
@@ -371,7 +371,7 @@ static void says(const GArray *rows, const char *expected) {
   g_free(conclusion);
 }
 
-static void fronts_slopes_and_cheapest(void **state) {
+TEST(fronts_slopes_and_cheapest) {
   GArray *rows = g_array_new(FALSE, FALSE, sizeof(tcs_report_row));
   double slope;
   assert_false(tcs_report_slope(rows, "s", "cpu", "preintegrated", &slope));
@@ -421,7 +421,7 @@ static void add_line(GArray *rows, const char *classification, const double rms[
 }
 
 /* Each cause of a lost order is told from the others by the rows, and nothing is said where nothing is lost. */
-static void losses_are_explained(void **state) {
+TEST(losses_are_explained) {
   const struct {
     const char *classification;
     double rms[4], nodes, larger, depth;
@@ -490,7 +490,7 @@ static void losses_are_explained(void **state) {
 
 /* Of a method without a table of segments that leaves less at the same step, and of another field that bends nowhere.
  */
-static void losses_are_told_by_other_methods(void **state) {
+TEST(losses_are_told_by_other_methods) {
   GArray *rows = g_array_new(FALSE, FALSE, sizeof(tcs_report_row));
   cJSON *scene = cJSON_CreateObject();
   cJSON_AddStringToObject(scene, "name", "s");
@@ -514,7 +514,7 @@ static void losses_are_told_by_other_methods(void **state) {
   g_array_free(rows, TRUE);
 }
 
-static void rows_survive_json(void **state) {
+TEST(rows_survive_json) {
   tcs_report_row row = {.key = "a \"b\",c", .scene = "s", .step = 0.5, .jitter = 1, .rms = 1.0 / 3, .ssim = NAN}, back;
   cJSON *json = tcs_report_row_write(&row);
   char *text = cJSON_PrintUnformatted(json);
@@ -561,10 +561,4 @@ static int set_up(void **state) {
   return 0;
 }
 
-int main(void) {
-  const struct CMUnitTest tests[] = {TEST(scenes_can_be_rendered), TEST(objects_grow), TEST(settings_follow_the_plan),
-    TEST(fronts_slopes_and_cheapest), TEST(losses_are_explained), TEST(losses_are_told_by_other_methods),
-    TEST(rows_survive_json), TEST(reports_a_volume), TEST(goes_on_where_it_ended), TEST(an_interrupt_leaves_a_report),
-    TEST(bad_usage)};
-  return cmocka_run_group_tests(tests, set_up, remove_folder);
-}
+TESTS(set_up, remove_folder)

@@ -7,7 +7,7 @@
 
 #include "renderer/scene/scene.h"
 
-static void defaults(void **state) {
+TEST(defaults) {
   tc_scene s;
   memset(&s, 0xa5, sizeof s);
   tc_scene_init(&s);
@@ -27,7 +27,7 @@ static void defaults(void **state) {
   tc_scene_clear(&s); /* twice is fine */
 }
 
-static void copies_own_their_lists(void **state) {
+TEST(copies_own_their_lists) {
   tc_scene from, to;
   tc_scene_init(&from);
   from.labels.colors = g_new0(tc_label_color, 2);
@@ -47,7 +47,7 @@ static void copies_own_their_lists(void **state) {
 }
 
 /* Copies of a scene that shares its lists hold the same ones; replacing one in a copy leaves the others as they are. */
-static void shared_lists_are_held_by_reference(void **state) {
+TEST(shared_lists_are_held_by_reference) {
   enum { KNOTS = 60000 };
   tc_scene first, second, third;
   tc_scene_init(&first);
@@ -73,7 +73,7 @@ static void shared_lists_are_held_by_reference(void **state) {
   tc_scene_clear(&third);
 }
 
-static void digests_tell_lists_apart(void **state) {
+TEST(digests_tell_lists_apart) {
   tc_scene a, b;
   tc_scene_init(&a);
   tc_scene_copy(&b, &a); /* a copy: a shares nothing */
@@ -102,7 +102,7 @@ static void *copy_and_clear(void *user) {
   return NULL;
 }
 
-static void threads_share_lists(void **state) {
+TEST(threads_share_lists) {
   enum { THREADS = 4 };
   tc_scene scene, copies[THREADS];
   pthread_t threads[THREADS];
@@ -117,7 +117,7 @@ static void threads_share_lists(void **state) {
 }
 
 /* A preset is a valid transfer function: knots ascend, colours and opacities are 0..1, the name fits. */
-static void presets_are_valid(void **state) {
+TEST(presets_are_valid) {
   size_t count;
   const tc_preset *p = tc_presets(&count);
   assert_true(count >= 9);
@@ -139,7 +139,7 @@ static void presets_are_valid(void **state) {
   }
 }
 
-static void names_are_unique(void **state) {
+TEST(names_are_unique) {
   size_t count, windows;
   const tc_preset *p = tc_presets(&count);
   const tc_window_preset *w = tc_window_presets(&windows);
@@ -153,7 +153,7 @@ static void names_are_unique(void **state) {
   }
 }
 
-static void relative_presets_scale(void **state) {
+TEST(relative_presets_scale) {
   tc_transfer_function tf = {0};
   assert_true(tc_transfer_function_set_preset(&tf, "surface", -1000, 3000));
   assert_string_equal(tf.preset, "surface");
@@ -171,9 +171,4 @@ static void relative_presets_scale(void **state) {
   g_free(tf.points);
 }
 
-int main(void) {
-  const struct CMUnitTest tests[] = {TEST(defaults), TEST(copies_own_their_lists),
-    TEST(shared_lists_are_held_by_reference), TEST(digests_tell_lists_apart), TEST(threads_share_lists),
-    TEST(presets_are_valid), TEST(names_are_unique), TEST(relative_presets_scale)};
-  return cmocka_run_group_tests(tests, NULL, NULL);
-}
+TESTS(NULL, NULL)

@@ -19,7 +19,7 @@ static void check_hosts(const tcs_hosts *hosts, const host_case *cases, size_t c
 }
 #define CHECK_HOSTS(hosts, cases) check_hosts(hosts, cases, G_N_ELEMENTS(cases))
 
-static void test_hosts_of_loopback(void **state) {
+TEST(test_hosts_of_loopback) {
   static const host_case cases[] = {
       {"127.0.0.1:8080", true},
       {"localhost:8080", true},
@@ -53,7 +53,7 @@ static void test_hosts_of_loopback(void **state) {
   tcs_hosts_free(hosts);
 }
 
-static void test_hosts_on_the_usual_port(void **state) {
+TEST(test_hosts_on_the_usual_port) {
   static const host_case cases[] = {
       {"127.0.0.1", true}, {"localhost", true}, {"localhost:80", true}, {"localhost:81", false}};
   tcs_hosts *hosts = tcs_hosts_new();
@@ -62,7 +62,7 @@ static void test_hosts_on_the_usual_port(void **state) {
   tcs_hosts_free(hosts);
 }
 
-static void test_hosts_of_a_wider_address(void **state) {
+TEST(test_hosts_of_a_wider_address) {
   static const host_case wide[] = {
       {"0.0.0.0:80", true}, {"127.0.0.1:80", true}, {"localhost:80", true}, {"[::1]:80", true}};
   static const host_case narrow[] = {{"192.0.2.7:90", true}, {"localhost:90", false}, {"127.0.0.1:90", false}};
@@ -76,7 +76,7 @@ static void test_hosts_of_a_wider_address(void **state) {
   tcs_hosts_free(hosts);
 }
 
-static void test_configured_hosts(void **state) {
+TEST(test_configured_hosts) {
   static const host_case cases[] = {{"any.example", true},      {"any.example:77", true}, {"ANY.example:77", true},
                                     {"one.example:443", true},  {"one.example", true},    {"one.example:444", false},
                                     {"sub.any.example", false}, {"any.example.", false},  {"[fe80::1]:9", true},
@@ -93,7 +93,7 @@ static void test_configured_hosts(void **state) {
   tcs_hosts_free(hosts);
 }
 
-static void test_origins(void **state) {
+TEST(test_origins) {
   static const struct {
     const char *origin, *host;
     bool allowed;
@@ -137,7 +137,7 @@ static void test_origins(void **state) {
   tcs_hosts_free(hosts);
 }
 
-static void test_loopback_addresses(void **state) {
+TEST(test_loopback_addresses) {
   assert_true(tcs_address_is_loopback("127.0.0.1"));
   assert_true(tcs_address_is_loopback("127.9.9.9"));
   assert_true(tcs_address_is_loopback("::1"));
@@ -149,7 +149,7 @@ static void test_loopback_addresses(void **state) {
 #define FIRST "0123456789abcdef"
 #define OTHER "fedcba9876543210-._~+/="
 
-static void test_token_files(void **state) {
+TEST(test_token_files) {
   bool clear;
   tcs_tokens *tokens =
       tcs_tokens_parse("# who\n\n anna\tview " FIRST "\r\nbert edit   " OTHER "\nbert admin " FIRST "x", &clear, NULL);
@@ -165,7 +165,7 @@ static void test_token_files(void **state) {
   tcs_tokens_free(tokens);
 }
 
-static void test_hashed_tokens(void **state) {
+TEST(test_hashed_tokens) {
   bool clear;
   uint8_t hash[TCS_HASH_SIZE];
   char hex[2 * TCS_HASH_SIZE + 1];
@@ -181,7 +181,7 @@ static void test_hashed_tokens(void **state) {
   g_free(text);
 }
 
-static void test_token_files_that_are_wrong(void **state) {
+TEST(test_token_files_that_are_wrong) {
   static const struct {
     const char *text, *message;
   } cases[] = {
@@ -224,7 +224,7 @@ static void check_file(const char *text, mode_t mode, const char *message) {
   unlink(path);
 }
 
-static void test_modes_of_token_files(void **state) {
+TEST(test_modes_of_token_files) {
   static const char hashed[] = "a view sha256:0123456789012345678901234567890123456789012345678901234567890123\n";
   check_file("a view " FIRST "\n", 0600, "");
   check_file("a view " FIRST "\n", 0640, "others may read it; chmod 600");
@@ -237,7 +237,7 @@ static void test_modes_of_token_files(void **state) {
   g_clear_error(&error);
 }
 
-static void test_every_token_is_compared(void **state) {
+TEST(test_every_token_is_compared) {
   GString *text = g_string_new(NULL);
   for (int i = 0; i < 100; i++)
     g_string_append_printf(text, "n%d view token-number-%06d\n", i, i);
@@ -255,7 +255,7 @@ static void test_every_token_is_compared(void **state) {
   g_string_free(text, TRUE);
 }
 
-static void test_hashes_differ_in_any_byte(void **state) {
+TEST(test_hashes_differ_in_any_byte) {
   uint8_t a[TCS_HASH_SIZE] = {0}, b[TCS_HASH_SIZE] = {0};
   assert_true(tcs_hash_equal(a, b));
   for (int i = 0; i < TCS_HASH_SIZE * 8; i++) {
@@ -265,7 +265,7 @@ static void test_hashes_differ_in_any_byte(void **state) {
   }
 }
 
-static void test_known_hashes(void **state) {
+TEST(test_known_hashes) {
   uint8_t out[TCS_HASH_SIZE];
   char hex[2 * TCS_HASH_SIZE + 1];
   tcs_hash("abc", out); /* FIPS 180-4 */
@@ -282,7 +282,7 @@ static void test_known_hashes(void **state) {
   assert_false(tcs_unhex("000", back, 1));
 }
 
-static void test_tickets(void **state) {
+TEST(test_tickets) {
   const int64_t second = 1000000, start = 5 * second;
   tcs_tickets *tickets = tcs_tickets_new();
   const tcs_caller anna = {.name = "anna", .role = TCS_ROLE_EDIT, .session = "s1"};
@@ -303,7 +303,7 @@ static void test_tickets(void **state) {
   tcs_tickets_free(tickets);
 }
 
-static void test_tickets_are_few(void **state) {
+TEST(test_tickets_are_few) {
   tcs_tickets *tickets = tcs_tickets_new();
   tcs_caller caller = {.name = "anna", .role = TCS_ROLE_VIEW};
   char ticket[TCS_TICKET_SIZE];
@@ -322,7 +322,7 @@ static void test_tickets_are_few(void **state) {
   tcs_tickets_free(tickets);
 }
 
-static void test_links(void **state) {
+TEST(test_links) {
   const uint8_t key[TCS_SHARE_KEY_SIZE] = {1, 2, 3}, other[TCS_SHARE_KEY_SIZE] = {1, 2, 4};
   const char session[] = "00112233445566778899aabbccddeeff";
   char token[TCS_SHARE_SIZE];
@@ -348,7 +348,7 @@ static void test_links(void **state) {
 
 #define SECOND INT64_C(1000000)
 
-static void test_guessing_takes_longer_and_longer(void **state) {
+TEST(test_guessing_takes_longer_and_longer) {
   tcs_lockout *lockout = tcs_lockout_new();
   int64_t now = 1000 * SECOND;
   uint64_t token = 1;
@@ -376,7 +376,7 @@ static void test_guessing_takes_longer_and_longer(void **state) {
 }
 
 /* A crowd of them makes the table forget those that were quiet the longest. */
-static void test_peers_that_guess_are_bounded(void **state) {
+TEST(test_peers_that_guess_are_bounded) {
   tcs_lockout *lockout = tcs_lockout_new();
   for (uint64_t token = 0; token <= TCS_LOCKOUT_FREE; token++)
     tcs_lockout_fail(lockout, 1, token, SECOND);
@@ -387,7 +387,7 @@ static void test_peers_that_guess_are_bounded(void **state) {
   tcs_lockout_free(lockout);
 }
 
-static void test_callers_last_as_long_as_their_tokens(void **state) {
+TEST(test_callers_last_as_long_as_their_tokens) {
   bool clear;
   tcs_access access = {.tokens = tcs_tokens_parse("anna edit " FIRST "\n", &clear, NULL), .generation = 1};
   tcs_caller anna = {.name = "anna", .role = TCS_ROLE_EDIT, .generation = 1}, link = {.until_s = INT64_MAX}, late = {.until_s = 1};
@@ -406,7 +406,7 @@ static void test_callers_last_as_long_as_their_tokens(void **state) {
   tcs_tokens_free(access.tokens);
 }
 
-static void test_who_sees_what(void **state) {
+TEST(test_who_sees_what) {
   const tcs_caller stranger = {0}, anna = {.name = "anna", .role = TCS_ROLE_EDIT},
                    root = {.name = "root", .role = TCS_ROLE_ADMIN},
                    guest = {.name = "share-s1", .role = TCS_ROLE_EDIT, .session = "s1"},
@@ -423,7 +423,7 @@ static void test_who_sees_what(void **state) {
   assert_false(tcs_caller_sees(&bounded, "s2", "root"));
 }
 
-static void test_nobody_is_let_in_by_oversight(void **state) {
+TEST(test_nobody_is_let_in_by_oversight) {
   static const struct {
     const char *address;
     bool insecure, good;
@@ -455,7 +455,7 @@ static void peer_of(tcs_proxies *proxies, const char *from, const char *forwarde
   if (strcmp(peer, wanted) != 0) fail_msg("from %s, %s, %s: %s, not %s", from, forwarded, x, peer, wanted);
 }
 
-static void test_peers_behind_proxies(void **state) {
+TEST(test_peers_behind_proxies) {
   static const char *const wrong[] = {"", "10.0.0.0/33", "::/129", "10.0.0.0/", "10.0.0.0/-1", "proxy", "10.0.0.1:80", "1.2.3.4/8/8"};
   tcs_proxies *proxies = tcs_proxies_new();
   peer_of(proxies, "10.1.2.3", "for=9.9.9.9", "9.9.9.9", "10.1.2.3"); /* nobody is trusted */
@@ -489,14 +489,4 @@ static void test_peers_behind_proxies(void **state) {
   tcs_proxies_free(proxies);
 }
 
-int main(void) {
-  const struct CMUnitTest tests[] = {TEST(test_hosts_of_loopback), TEST(test_hosts_on_the_usual_port),
-    TEST(test_hosts_of_a_wider_address), TEST(test_configured_hosts), TEST(test_origins),
-    TEST(test_loopback_addresses), TEST(test_peers_behind_proxies), TEST(test_token_files), TEST(test_hashed_tokens),
-    TEST(test_token_files_that_are_wrong), TEST(test_modes_of_token_files), TEST(test_every_token_is_compared),
-    TEST(test_hashes_differ_in_any_byte), TEST(test_known_hashes), TEST(test_tickets), TEST(test_tickets_are_few),
-    TEST(test_links), TEST(test_guessing_takes_longer_and_longer), TEST(test_peers_that_guess_are_bounded),
-    TEST(test_callers_last_as_long_as_their_tokens), TEST(test_who_sees_what),
-    TEST(test_nobody_is_let_in_by_oversight)};
-  return cmocka_run_group_tests(tests, NULL, NULL);
-}
+TESTS(NULL, NULL)

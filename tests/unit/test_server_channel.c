@@ -67,7 +67,7 @@ static void put(pipe_end *end, uint8_t first, const char *payload) {
   g_byte_array_append(end->in, (const guint8 *)payload, (guint)strlen(payload));
 }
 
-static void test_messages_arrive_whole(void **state) {
+TEST(test_messages_arrive_whole) {
   pipe_end end;
   tcs_channel *channel = open_channel(&end);
   put(&end, 0x81, "one");
@@ -82,7 +82,7 @@ static void test_messages_arrive_whole(void **state) {
   close_channel(channel, &end);
 }
 
-static void test_sent_messages_have_two_parts(void **state) {
+TEST(test_sent_messages_have_two_parts) {
   pipe_end end;
   tcs_channel *channel = open_channel(&end);
   GBytes *body = g_bytes_new_static("body", 4);
@@ -111,7 +111,7 @@ static void put_frame(GByteArray *out, uint8_t first, const void *bytes, size_t 
 
 /* Texts, pings and shared messages of every length class, through a pipe that takes a few bytes at a time: the bytes
  * are those of whole frames one after the other, in the order of queueing, and the body is nobody's copy. */
-static void test_shared_messages_keep_their_bytes_and_place(void **state) {
+TEST(test_shared_messages_keep_their_bytes_and_place) {
   static const size_t sizes[] = {0, 1, 117, 118, 125, 126, 127, 4096, 65527, 65528, 65536, 200000};
   GRand *random = g_rand_new_with_seed(7);
   for (size_t i = 0; i < G_N_ELEMENTS(sizes); i++) {
@@ -159,7 +159,7 @@ static void test_shared_messages_keep_their_bytes_and_place(void **state) {
 }
 
 /* A peer that never reads costs a reference, not a picture; what is queued goes with the channel. */
-static void test_many_channels_share_one_body(void **state) {
+TEST(test_many_channels_share_one_body) {
   enum { CHANNELS = 60, SIZE = 4 << 20 };
   pipe_end ends[CHANNELS];
   tcs_channel *channels[CHANNELS];
@@ -179,7 +179,7 @@ static void test_many_channels_share_one_body(void **state) {
   g_bytes_unref(body);
 }
 
-static void test_a_flood_of_pings_makes_no_queue(void **state) {
+TEST(test_a_flood_of_pings_makes_no_queue) {
   pipe_end end;
   tcs_channel *channel = open_channel(&end);
   end.room = 0;
@@ -195,7 +195,7 @@ static void test_a_flood_of_pings_makes_no_queue(void **state) {
   close_channel(channel, &end);
 }
 
-static void test_one_turn_reads_a_bounded_amount(void **state) {
+TEST(test_one_turn_reads_a_bounded_amount) {
   pipe_end end;
   tcs_channel *channel = open_channel(&end);
   for (int i = 0; i < 20000; i++) put(&end, 0x81, "12345678");
@@ -217,7 +217,7 @@ static void expect_close(const uint8_t *bytes, size_t size, uint16_t code) {
   close_channel(channel, &end);
 }
 
-static void test_broken_frames_are_told_why(void **state) {
+TEST(test_broken_frames_are_told_why) {
   expect_close((const uint8_t *)"\x81\x01x", 3, 1002);                          /* not masked */
   expect_close((const uint8_t *)"\xc1\x81\0\0\0\0x", 7, 1002);                  /* a reserved bit */
   expect_close((const uint8_t *)"\x09\x80\0\0\0\0", 6, 1002);                   /* a fragmented ping */
@@ -227,7 +227,7 @@ static void test_broken_frames_are_told_why(void **state) {
   expect_close((const uint8_t *)"\x81\xff\x7f\xff\xff\xff\xff\xff\xff\xff\0\0\0\0x", 15, 1009);
 }
 
-static void test_closing_shakes_hands(void **state) {
+TEST(test_closing_shakes_hands) {
   pipe_end end;
   tcs_channel *channel = open_channel(&end);
   tcs_channel_close(channel, 1001, "bye");
@@ -245,7 +245,7 @@ static void test_closing_shakes_hands(void **state) {
   close_channel(channel, &end);
 }
 
-static void test_the_end_of_the_pipe_is_noticed(void **state) {
+TEST(test_the_end_of_the_pipe_is_noticed) {
   pipe_end end;
   tcs_channel *channel = open_channel(&end);
   end.closed = true;
@@ -269,7 +269,7 @@ static void done_counted(tcs_task *task) {
   g_array_append_val(c->order, c->number);
 }
 
-static void test_tasks_come_back_in_order(void **state) {
+TEST(test_tasks_come_back_in_order) {
   enum { N = 500 };
   tcs_completions completions;
   assert_true(tcs_completions_init(&completions, NULL));
@@ -288,7 +288,7 @@ static void test_tasks_come_back_in_order(void **state) {
   tcs_completions_finish(&completions);
 }
 
-static void test_several_threads_share_a_queue(void **state) {
+TEST(test_several_threads_share_a_queue) {
   enum { N = 500 };
   tcs_completions completions;
   assert_true(tcs_completions_init(&completions, NULL));
@@ -333,7 +333,7 @@ static void *ask(void *user) {
 }
 
 /* A thread that says that its task is over may be stopped there for long: it keeps nobody from the queue. */
-static void test_a_worker_holds_no_lock_while_it_tells(void **state) {
+TEST(test_a_worker_holds_no_lock_while_it_tells) {
   tcs_completions completions;
   const uint64_t full = UINT64_MAX - 1;
   uint64_t count;
@@ -360,7 +360,7 @@ static void test_a_worker_holds_no_lock_while_it_tells(void **state) {
 
 /* While one task runs: what waits can be taken back from anywhere in the queue, what runs cannot, and a full queue
  * takes no more. */
-static void test_waiting_tasks_can_be_taken_back(void **state) {
+TEST(test_waiting_tasks_can_be_taken_back) {
   tcs_completions completions;
   assert_true(tcs_completions_init(&completions, NULL));
   tcs_worker *worker = tcs_worker_new("unit", 1, TCS_PRIORITY_PICTURE, &completions, NULL);
@@ -393,7 +393,7 @@ static void wait_for(GArray *order, guint n, tcs_completions *completions) {
 }
 
 /* One client has filled the line: another one's first task has a place in it, and the next turn; and of two threads one. */
-static void test_clients_take_turns(void **state) {
+TEST(test_clients_take_turns) {
   for (int threads = 1; threads <= 2; threads++) {
     tcs_completions completions;
     assert_true(tcs_completions_init(&completions, NULL));
@@ -420,13 +420,4 @@ static void test_clients_take_turns(void **state) {
   }
 }
 
-int main(void) {
-  const struct CMUnitTest tests[] = {TEST(test_messages_arrive_whole), TEST(test_sent_messages_have_two_parts),
-    TEST(test_shared_messages_keep_their_bytes_and_place), TEST(test_many_channels_share_one_body),
-    TEST(test_a_flood_of_pings_makes_no_queue), TEST(test_one_turn_reads_a_bounded_amount),
-    TEST(test_broken_frames_are_told_why), TEST(test_closing_shakes_hands), TEST(test_the_end_of_the_pipe_is_noticed),
-    TEST(test_tasks_come_back_in_order), TEST(test_several_threads_share_a_queue),
-    TEST(test_a_worker_holds_no_lock_while_it_tells),
-    TEST(test_waiting_tasks_can_be_taken_back), TEST(test_clients_take_turns)};
-  return cmocka_run_group_tests(tests, NULL, NULL);
-}
+TESTS(NULL, NULL)

@@ -6,7 +6,7 @@
 #include "server/session/watcher.h"
 #include "server/ws/allowance.h"
 
-static void test_window_counts(void **state) {
+TEST(test_window_counts) {
   tcs_credit window;
   tcs_credit_init(&window, 2);
   assert_true(tcs_credit_open(&window, 0));
@@ -21,7 +21,7 @@ static void test_window_counts(void **state) {
   assert_int_equal(tcs_credit_pending(&window), 0);
 }
 
-static void test_window_acks_are_cumulative_and_never_go_back(void **state) {
+TEST(test_window_acks_are_cumulative_and_never_go_back) {
   tcs_credit window;
   tcs_credit_init(&window, 3);
   for (int i = 0; i < 3; i++)
@@ -35,7 +35,7 @@ static void test_window_acks_are_cumulative_and_never_go_back(void **state) {
   assert_int_equal(tcs_credit_pending(&window), 0);
 }
 
-static void test_window_stalls_and_wakes(void **state) {
+TEST(test_window_stalls_and_wakes) {
   tcs_credit window;
   tcs_credit_init(&window, 2);
   tcs_credit_send(&window, 1000);
@@ -45,7 +45,7 @@ static void test_window_stalls_and_wakes(void **state) {
   assert_true(tcs_credit_open(&window, 99000000)); /* nothing under way: nobody owes an answer */
 }
 
-static void test_window_of_zero_is_one(void **state) {
+TEST(test_window_of_zero_is_one) {
   tcs_credit window;
   tcs_credit_init(&window, 0);
   assert_true(tcs_credit_open(&window, 0));
@@ -56,14 +56,14 @@ static void test_window_of_zero_is_one(void **state) {
 /* Of a picture of a million pixels, a sample each. */
 static double scale(tcs_ladder *ladder, double target_ms) { return tcs_ladder_pick(ladder, 1e6, 1e6, target_ms).scale; }
 
-static void test_ladder_keeps_full_size_when_it_fits(void **state) {
+TEST(test_ladder_keeps_full_size_when_it_fits) {
   tcs_ladder ladder = {0};
   assert_true(scale(&ladder, TCS_LADDER_TARGET_MS) == 1.0); /* nothing measured yet */
   tcs_ladder_measure(&ladder, 1e6, 20);
   assert_true(scale(&ladder, TCS_LADDER_TARGET_MS) == 1.0);
 }
 
-static void test_ladder_steps_down_at_once(void **state) {
+TEST(test_ladder_steps_down_at_once) {
   tcs_ladder ladder = {0};
   tcs_ladder_measure(&ladder, 1e6, 100); /* at half the sides: 25 ms */
   assert_true(scale(&ladder, TCS_LADDER_TARGET_MS) == 0.5);
@@ -75,7 +75,7 @@ static double expected_ms(const tcs_ladder *ladder, tcs_rung rung) {
   return ladder->ms_per_sample * 1e6 * rung.scale * rung.scale / rung.coarser;
 }
 
-static void test_ladder_goes_on_below_the_smallest_picture(void **state) {
+TEST(test_ladder_goes_on_below_the_smallest_picture) {
   tcs_ladder ladder = {0};
   for (double ms = 1000; ms < 400000; ms *= 1.5) {
     tcs_ladder_measure(&ladder, 1e6, ms);
@@ -87,7 +87,7 @@ static void test_ladder_goes_on_below_the_smallest_picture(void **state) {
 }
 
 /* The first frame of a session has nothing of its own to go by. */
-static void test_ladder_starts_from_what_others_took(void **state) {
+TEST(test_ladder_starts_from_what_others_took) {
   tcs_ladder ladder = {0};
   tcs_ladder_expect(&ladder, 0); /* nobody rendered yet */
   assert_true(scale(&ladder, TCS_LADDER_TARGET_MS) == 1.0);
@@ -98,13 +98,13 @@ static void test_ladder_starts_from_what_others_took(void **state) {
   assert_true(scale(&ladder, TCS_LADDER_TARGET_MS) == 1.0);
 }
 
-static void test_ladder_spares_the_encoder(void **state) {
+TEST(test_ladder_spares_the_encoder) {
   tcs_ladder ladder = {0};
   const tcs_rung rung = tcs_ladder_pick(&ladder, 1, 8192.0 * 2000, TCS_LADDER_TARGET_MS);
   assert_true(8192.0 * 2000 * rung.scale * rung.scale <= 4e6 && rung.coarser == 1);
 }
 
-static void test_coarser_is_fewer_rays_then_longer_steps(void **state) {
+TEST(test_coarser_is_fewer_rays_then_longer_steps) {
   tc_scene scene = {.mode = TC_MODE_DVR, .sampling = {.step = 0.5, .rays_per_pixel = 16}};
   tcs_rung_coarsen(4, &scene);
   assert_int_equal(scene.sampling.rays_per_pixel, 4);
@@ -122,7 +122,7 @@ static void test_coarser_is_fewer_rays_then_longer_steps(void **state) {
   assert_int_equal(scene.sampling.rays_per_pixel, 1);
 }
 
-static void test_ladder_does_not_swing(void **state) {
+TEST(test_ladder_does_not_swing) {
   tcs_ladder ladder = {0};
   tcs_ladder_measure(&ladder, 1e6, 34); /* just too slow */
   assert_true(scale(&ladder, TCS_LADDER_TARGET_MS) == 0.75);
@@ -135,7 +135,7 @@ static void test_ladder_does_not_swing(void **state) {
   assert_true(scale(&ladder, TCS_LADDER_TARGET_MS) == 1.0);
 }
 
-static void test_ladder_keeps_the_time_it_is_given(void **state) {
+TEST(test_ladder_keeps_the_time_it_is_given) {
   tcs_ladder ladder = {0};
   tcs_ladder_measure(&ladder, 1e6, 20);
   assert_true(scale(&ladder, TCS_LADDER_TARGET_MS) == 1.0);
@@ -143,7 +143,7 @@ static void test_ladder_keeps_the_time_it_is_given(void **state) {
   assert_true(scale(&ladder, 2) == 0.25);
 }
 
-static void test_ladder_ignores_nonsense(void **state) {
+TEST(test_ladder_ignores_nonsense) {
   tcs_ladder ladder = {0};
   tcs_ladder_measure(&ladder, 0, 5);
   tcs_ladder_measure(&ladder, -3, 5);
@@ -151,7 +151,7 @@ static void test_ladder_ignores_nonsense(void **state) {
   assert_true(ladder.ms_per_sample == 0);
 }
 
-static void test_watcher_wants_what_is_new(void **state) {
+TEST(test_watcher_wants_what_is_new) {
   tcs_watcher watcher = {.shown_revision = 0};
   assert_true(tcs_watcher_wants(&watcher, 1, false));
   watcher.shown_revision = 5;
@@ -163,7 +163,7 @@ static void test_watcher_wants_what_is_new(void **state) {
   assert_true(tcs_watcher_wants(&watcher, 6, false));
 }
 
-static void test_watcher_seq_is_what_the_picture_shows(void **state) {
+TEST(test_watcher_seq_is_what_the_picture_shows) {
   const tcs_mark marks[] = {{7, 3}, {9, 40}};
   tcs_picture picture = {.revision = 10, .marks = g_array_new(FALSE, FALSE, sizeof(tcs_mark))};
   g_array_append_vals(picture.marks, marks, 2);
@@ -174,7 +174,7 @@ static void test_watcher_seq_is_what_the_picture_shows(void **state) {
   g_array_unref(picture.marks);
 }
 
-static void test_watcher_wants_an_error_once(void **state) {
+TEST(test_watcher_wants_an_error_once) {
   const tcs_watcher_ops stream = {.headers = true}, mjpeg = {.headers = false};
   tcs_watcher watcher = {.ops = &stream, .shown_revision = 5, .shown_final = true};
   tcs_picture picture = {.revision = 5, .final = true};
@@ -192,7 +192,7 @@ static void test_watcher_wants_an_error_once(void **state) {
 }
 
 /* Dragged rays that came late, small and smaller, do not make the slices after them small. */
-static void test_slices_begin_in_full_size(void **state) {
+TEST(test_slices_begin_in_full_size) {
   tcs_view view = {0};
   tcs_ladder *rays = tcs_view_ladder(&view, TC_MODE_DVR, 1e-6);
   tcs_ladder_measure(rays, 1e3, 100);
@@ -217,21 +217,21 @@ static int64_t read_for_long(int64_t cpu_us, int64_t gap_us, int64_t *longest_re
   return taken_us;
 }
 
-static void test_a_flood_of_messages_gets_its_share(void **state) {
+TEST(test_a_flood_of_messages_gets_its_share) {
   int64_t rest_us;
   assert_in_range(read_for_long(500, 500, &rest_us), 10000000 / TCS_ALLOWANCE,
                   10000000 / TCS_ALLOWANCE + TCS_ALLOWANCE_CREDIT_US + 500);
   assert_in_range(rest_us, 1, 500 * TCS_ALLOWANCE); /* many short rests, not a long one */
 }
 
-static void test_a_hand_never_rests(void **state) {
+TEST(test_a_hand_never_rests) {
   int64_t rest_us;
   read_for_long(100, 1000000 / 144, &rest_us);
   assert_int_equal(rest_us, 0);
 }
 
 /* A burst is taken at once, and its credit comes back. */
-static void test_a_burst_is_taken_from_credit(void **state) {
+TEST(test_a_burst_is_taken_from_credit) {
   tcs_allowance share;
   tcs_allowance_init(&share, 0);
   assert_int_equal(tcs_allowance_spend(&share, 0, TCS_ALLOWANCE_CREDIT_US), 0);
@@ -240,16 +240,4 @@ static void test_a_burst_is_taken_from_credit(void **state) {
   assert_int_equal(tcs_allowance_spend(&share, 100000000, TCS_ALLOWANCE_CREDIT_US), 0);
 }
 
-int main(void) {
-  const struct CMUnitTest tests[] = {TEST(test_window_counts),
-    TEST(test_window_acks_are_cumulative_and_never_go_back), TEST(test_window_stalls_and_wakes),
-    TEST(test_window_of_zero_is_one), TEST(test_ladder_keeps_full_size_when_it_fits),
-    TEST(test_ladder_steps_down_at_once), TEST(test_ladder_goes_on_below_the_smallest_picture),
-    TEST(test_ladder_starts_from_what_others_took), TEST(test_ladder_spares_the_encoder),
-    TEST(test_coarser_is_fewer_rays_then_longer_steps), TEST(test_ladder_does_not_swing),
-    TEST(test_ladder_keeps_the_time_it_is_given), TEST(test_ladder_ignores_nonsense),
-    TEST(test_slices_begin_in_full_size), TEST(test_a_flood_of_messages_gets_its_share),
-    TEST(test_a_hand_never_rests), TEST(test_a_burst_is_taken_from_credit), TEST(test_watcher_wants_what_is_new),
-    TEST(test_watcher_wants_an_error_once), TEST(test_watcher_seq_is_what_the_picture_shows)};
-  return cmocka_run_group_tests(tests, NULL, NULL);
-}
+TESTS(NULL, NULL)

@@ -21,7 +21,7 @@ static const tcs_route table[] = {
     {0},
 };
 
-static void test_route_finds_and_extracts(void **state) {
+TEST(test_route_finds_and_extracts) {
   tcs_match match;
   tcs_route_match(table, "GET", "/a/x.y-z", &match);
   assert_ptr_equal(match.route, &table[1]);
@@ -34,7 +34,7 @@ static void test_route_finds_and_extracts(void **state) {
   assert_string_equal(match.params[1], "2");
 }
 
-static void test_route_tells_404_from_405(void **state) {
+TEST(test_route_tells_404_from_405) {
   tcs_match match;
   tcs_route_match(table, "POST", "/a/x", &match);
   assert_null(match.route);
@@ -48,7 +48,7 @@ static void test_route_tells_404_from_405(void **state) {
   }
 }
 
-static void test_route_refuses_overlong_params(void **state) {
+TEST(test_route_refuses_overlong_params) {
   tcs_match match;
   char path[400] = "/a/";
   memset(path + 3, 'x', TCS_PARAM_SIZE - 1);
@@ -59,7 +59,7 @@ static void test_route_refuses_overlong_params(void **state) {
   assert_null(match.route);
 }
 
-static void test_every_route_of_the_daemon_is_reachable(void **state) {
+TEST(test_every_route_of_the_daemon_is_reachable) {
   for (const tcs_route *route = tcs_routes; route->method; route++) {
     tcs_match match;
     tcs_route_match(tcs_routes, route->method, route->pattern, &match); /* "{id}" is a segment as good as any */
@@ -67,7 +67,7 @@ static void test_every_route_of_the_daemon_is_reachable(void **state) {
   }
 }
 
-static void test_token_lists(void **state) {
+TEST(test_token_lists) {
   assert_true(tcs_token_in("keep-alive, Upgrade", "upgrade", true));
   assert_true(tcs_token_in("a ,\tb,c", "b", false));
   assert_false(tcs_token_in("a, bc", "b", false));
@@ -81,7 +81,7 @@ static void test_token_lists(void **state) {
   assert_false(tcs_etag_listed(NULL, "\"2\""));
 }
 
-static void test_websocket_handshake(void **state) {
+TEST(test_websocket_handshake) {
   char *accept = tcs_websocket_accept("dGhlIHNhbXBsZSBub25jZQ=="); /* RFC 6455, section 1.3 */
   assert_string_equal(accept, "s3pPLMBiTxaQ9kYGzzhZRbK+xOo=");
   g_free(accept);
@@ -92,7 +92,7 @@ static void test_websocket_handshake(void **state) {
   assert_false(tcs_websocket_key_valid("dGhl HNhbXBsZSBub25jZQ=="));
 }
 
-static void test_histogram_buckets(void **state) {
+TEST(test_histogram_buckets) {
   tcs_metrics metrics;
   tcs_gauges gauges = {.sessions = 3};
   tcs_metrics_init(&metrics);
@@ -113,7 +113,7 @@ static void test_histogram_buckets(void **state) {
   tcs_metrics_clear(&metrics);
 }
 
-static void test_listen_addresses(void **state) {
+TEST(test_listen_addresses) {
   tcs_config config;
   tcs_config_init(&config);
   assert_true(tcs_config_listen(&config.listen, "--listen", "10.0.0.1:99", NULL));
@@ -129,7 +129,7 @@ static void test_listen_addresses(void **state) {
   tcs_config_clear(&config);
 }
 
-static void test_ids(void **state) {
+TEST(test_ids) {
   assert_true(tcs_id_valid("a"));
   assert_true(tcs_id_valid("A.b_c-9"));
   assert_true(tcs_id_valid("1234567890123456789012345678901234567890123456789012345678901234"));
@@ -146,7 +146,7 @@ static void write_file(const char *folder, const char *name, const char *text) {
   g_free(path);
 }
 
-static void test_paths_stay_beneath(void **state) {
+TEST(test_paths_stay_beneath) {
   char folder[] = "/tmp/tomocast-unit-XXXXXX";
   assert_non_null(mkdtemp(folder));
   char *inside = g_build_filename(folder, "in", NULL), *file = g_build_filename(folder, "in/f", NULL),
@@ -187,10 +187,4 @@ static void test_paths_stay_beneath(void **state) {
   g_free(up);
 }
 
-int main(void) {
-  const struct CMUnitTest tests[] = {TEST(test_route_finds_and_extracts), TEST(test_route_tells_404_from_405),
-    TEST(test_route_refuses_overlong_params), TEST(test_every_route_of_the_daemon_is_reachable),
-    TEST(test_token_lists), TEST(test_websocket_handshake), TEST(test_histogram_buckets), TEST(test_listen_addresses),
-    TEST(test_ids), TEST(test_paths_stay_beneath)};
-  return cmocka_run_group_tests(tests, NULL, NULL);
-}
+TESTS(NULL, NULL)

@@ -61,7 +61,7 @@ static char **read_lines(const char *path) {
   return lines_of(text);
 }
 
-static void test_lines_come_whole_and_in_order(void **state) {
+TEST_WITH(test_lines_come_whole_and_in_order, set_up, tear_down) {
   place *p = *state;
   assert_true(tcs_log_open(p->file, NULL));
   tcs_log(TCS_LOG_INFO, "before", "n=%d", 0); /* no thread yet: written at once */
@@ -81,7 +81,7 @@ static void test_lines_come_whole_and_in_order(void **state) {
   g_strfreev(lines);
 }
 
-static void test_a_moved_file_is_opened_anew(void **state) {
+TEST_WITH(test_a_moved_file_is_opened_anew, set_up, tear_down) {
   place *p = *state;
   assert_true(tcs_log_open(p->file, NULL));
   tcs_log_start();
@@ -100,7 +100,7 @@ static void test_a_moved_file_is_opened_anew(void **state) {
   g_strfreev(new);
 }
 
-static void test_a_path_that_cannot_be_is_refused(void **state) {
+TEST_WITH(test_a_path_that_cannot_be_is_refused, set_up, tear_down) {
   GError *error = NULL;
   assert_false(tcs_log_open("/does/not/exist/log", &error));
   assert_non_null(strstr(error->message, "--log"));
@@ -108,7 +108,7 @@ static void test_a_path_that_cannot_be_is_refused(void **state) {
 }
 
 /* Nobody reads: logging goes on, and what found no room is told of when somebody does. */
-static void test_a_full_pipe_loses_lines_and_says_so(void **state) {
+TEST_WITH(test_a_full_pipe_loses_lines_and_says_so, set_up, tear_down) {
   place *p = *state;
   const uint64_t before = tcs_log_dropped();
   enum { LINES = 10000 };
@@ -150,7 +150,7 @@ static void test_a_full_pipe_loses_lines_and_says_so(void **state) {
 }
 
 /* The end does not wait for a reader that never comes. Last: its thread is left behind. */
-static void test_the_end_waits_only_so_long(void **state) {
+TEST_WITH(test_the_end_waits_only_so_long, set_up, remove_place) {
   place *p = *state;
   assert_int_equal(mkfifo(p->fifo, 0600), 0);
   const int reader = open(p->fifo, O_RDONLY | O_NONBLOCK);
@@ -165,11 +165,5 @@ static void test_the_end_waits_only_so_long(void **state) {
 
 int main(void) {
   signal(SIGPIPE, SIG_IGN);
-  const struct CMUnitTest tests[] = {
-    cmocka_unit_test_setup_teardown(test_lines_come_whole_and_in_order, set_up, tear_down),
-    cmocka_unit_test_setup_teardown(test_a_moved_file_is_opened_anew, set_up, tear_down),
-    cmocka_unit_test_setup_teardown(test_a_path_that_cannot_be_is_refused, set_up, tear_down),
-    cmocka_unit_test_setup_teardown(test_a_full_pipe_loses_lines_and_says_so, set_up, tear_down),
-    cmocka_unit_test_setup_teardown(test_the_end_waits_only_so_long, set_up, remove_place)};
-  return cmocka_run_group_tests(tests, NULL, NULL);
+  return run_all_tests(NULL, NULL);
 }

@@ -10,7 +10,7 @@
 
 #define MIB (UINT64_C(1) << 20)
 
-static void what_is_taken_is_counted(void **state) {
+TEST(what_is_taken_is_counted) {
   tcs_budget *budget = tcs_budget_new(100, 60);
   assert_true(tcs_budget_resize(budget, TCS_MEMORY_VOLUMES, 0, 40));
   assert_false(tcs_budget_resize(budget, TCS_MEMORY_LOADS, 0, 21)); /* of voxels 20 are left */
@@ -32,7 +32,7 @@ static void what_is_taken_is_counted(void **state) {
   tcs_budget_free(budget);
 }
 
-static void a_refusal_says_what_is_used_by_what(void **state) {
+TEST(a_refusal_says_what_is_used_by_what) {
   tcs_budget *budget = tcs_budget_new(200 * MIB, 150 * MIB);
   GError *error = NULL;
   tcs_budget_count(budget, TCS_MEMORY_VOLUMES, 120 * MIB);
@@ -52,7 +52,7 @@ static bool give_back(void *user, uint64_t bytes, const void *spare) {
   return spare != NULL;
 }
 
-static void who_can_give_back_is_asked_for_what_is_missing(void **state) {
+TEST(who_can_give_back_is_asked_for_what_is_missing) {
   tcs_budget *budget = tcs_budget_new(100, 60);
   uint64_t asked = 0;
   assert_true(tcs_budget_ask(budget, 100, NULL)); /* it is there */
@@ -64,7 +64,7 @@ static void who_can_give_back_is_asked_for_what_is_missing(void **state) {
   tcs_budget_free(budget);
 }
 
-static void bytes_are_counted_until_nobody_has_them(void **state) {
+TEST(bytes_are_counted_until_nobody_has_them) {
   tcs_budget *budget = tcs_budget_new(100, 60);
   GBytes *bytes = tcs_budget_bytes(budget, TCS_MEMORY_PICTURES, g_malloc(70), 70);
   GBytes *second = g_bytes_ref(bytes);
@@ -102,12 +102,12 @@ static void end(uint64_t wanted) {
   assert_int_equal(found, wanted);
 }
 
-static void the_machine_alone(void **state) {
+TEST(the_machine_alone) {
   begin("0::/\n");
   end(UINT64_C(16000000) * 1024);
 }
 
-static void the_second_version_with_its_ancestors(void **state) {
+TEST(the_second_version_with_its_ancestors) {
   begin("0::/a/b\n");
   put("sys/fs/cgroup/a/b/memory.max", "max\n");
   put("sys/fs/cgroup/a/b/memory.high", "900000000\n");
@@ -121,13 +121,13 @@ static void the_second_version_with_its_ancestors(void **state) {
 }
 
 /* In a container the own group is at the top, whatever /proc calls it. */
-static void a_group_shown_at_the_top(void **state) {
+TEST(a_group_shown_at_the_top) {
   begin("0::/system.slice/x.scope\n");
   put("sys/fs/cgroup/memory.max", "600000000\n");
   end(600000000);
 }
 
-static void the_first_version(void **state) {
+TEST(the_first_version) {
   begin("12:cpu,cpuacct:/x\n4:memory:/docker/y\n1:name=systemd:/z\n0::/z\n");
   put("sys/fs/cgroup/memory/docker/y/memory.limit_in_bytes", "9223372036854771712\n");
   put("sys/fs/cgroup/memory/docker/memory.limit_in_bytes", "500000000\n");
@@ -135,12 +135,12 @@ static void the_first_version(void **state) {
   end(500000000);
 }
 
-static void nothing_known(void **state) {
+TEST(nothing_known) {
   root = g_dir_make_tmp("tc-groups-XXXXXX", NULL);
   end(0);
 }
 
-static void parts_follow_from_the_whole(void **state) {
+TEST(parts_follow_from_the_whole) {
   tcs_config config;
   tcs_config_init(&config);
   config.limits.memory_bytes = 800 * (int64_t)MIB;
@@ -156,10 +156,4 @@ static void parts_follow_from_the_whole(void **state) {
   tcs_config_clear(&config);
 }
 
-int main(void) {
-  const struct CMUnitTest tests[] = {TEST(what_is_taken_is_counted), TEST(a_refusal_says_what_is_used_by_what),
-    TEST(who_can_give_back_is_asked_for_what_is_missing), TEST(bytes_are_counted_until_nobody_has_them),
-    TEST(the_machine_alone), TEST(the_second_version_with_its_ancestors), TEST(a_group_shown_at_the_top),
-    TEST(the_first_version), TEST(nothing_known), TEST(parts_follow_from_the_whole)};
-  return cmocka_run_group_tests_name("memory", tests, NULL, NULL);
-}
+TESTS(NULL, NULL)

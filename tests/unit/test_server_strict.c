@@ -31,7 +31,7 @@ static void check(const char *in, const char *wanted, int status) {
   }
 }
 
-static void test_heads_come_out_plain(void **state) {
+TEST(test_heads_come_out_plain) {
   check("\r\nGET /x?y HTTP/1.7\r\nHOST:a\r\nX-y:  z \t\r\nExpect: 100-Continue\r\n\r\n",
         "GET /x?y HTTP/1.1\r\nHost: a\r\nX-y: z\r\nExpect: 100-Continue\r\n\r\n", 0);
   check("GET HTTP://b:1?q HTTP/1.1\r\nX: 1\r\n" HOST "\r\n", "GET /?q HTTP/1.1\r\nHost: b:1\r\nX: 1\r\n\r\n", 0);
@@ -40,7 +40,7 @@ static void test_heads_come_out_plain(void **state) {
         "POST / HTTP/1.1\r\n" HOST "Content-Length: 3\r\n\r\nabcGET / HTTP/1.0\r\n\r\n", 0);
 }
 
-static void test_chunks_come_out_plain(void **state) {
+TEST(test_chunks_come_out_plain) {
   const char head[] = "PUT / HTTP/1.1\r\n" HOST "Transfer-Encoding: chunked\r\n\r\n";
   char in[400], wanted[400];
   snprintf(in, sizeof in, "%s%s", head, "003;x=y\r\nabc\r\nA\r\n0123456789\r\n00\r\nX: y\r\n\r\n");
@@ -58,7 +58,7 @@ static void test_chunks_come_out_plain(void **state) {
   }
 }
 
-static void test_a_refused_head_is_the_last(void **state) {
+TEST(test_a_refused_head_is_the_last) {
   check("GET / HTTP/1.1\r\n\r\nGET / HTTP/1.1\r\n" HOST "\r\n", LAST_WORD, 400);
   check("GET / HTTP/1.1\r\n" HOST "\r\nGET / HTTP/2.0\r\n" HOST "\r\n", "GET / HTTP/1.1\r\n" HOST "\r\n" LAST_WORD,
         505);
@@ -66,7 +66,7 @@ static void test_a_refused_head_is_the_last(void **state) {
   check("\x16\x03\x01", LAST_WORD, 400);
 }
 
-static void test_after_an_upgrade_bytes_wait(void **state) {
+TEST(test_after_an_upgrade_bytes_wait) {
   const char in[] = "GET / HTTP/1.1\r\n" HOST "Upgrade: websocket\r\n\r\n\x81\x80zzzz";
   tcs_strict *strict = tcs_strict_new();
   char *out = run(strict, in, strlen(in), 1000);
@@ -78,7 +78,7 @@ static void test_after_an_upgrade_bytes_wait(void **state) {
   tcs_strict_free(strict);
 }
 
-static void test_bodies_may_go_past(void **state) {
+TEST(test_bodies_may_go_past) {
   tcs_strict *strict = tcs_strict_new();
   const char in[] = "PUT / HTTP/1.1\r\n" HOST "Content-Length: 10\r\n\r\nabc";
   char *out = run(strict, in, strlen(in), 1000);
@@ -95,8 +95,4 @@ static void test_bodies_may_go_past(void **state) {
   tcs_strict_free(strict);
 }
 
-int main(void) {
-  const struct CMUnitTest tests[] = {TEST(test_heads_come_out_plain), TEST(test_chunks_come_out_plain),
-    TEST(test_a_refused_head_is_the_last), TEST(test_after_an_upgrade_bytes_wait), TEST(test_bodies_may_go_past)};
-  return cmocka_run_group_tests(tests, NULL, NULL);
-}
+TESTS(NULL, NULL)

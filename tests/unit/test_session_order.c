@@ -78,7 +78,7 @@ static void encoded(tcs_job *job) {
 
 static const tcs_picture *latest(void) { return tcs_session_latest(session); }
 
-static void what_was_overtaken_takes_no_place(void **state) {
+TEST(what_was_overtaken_takes_no_place) {
   viewer first = {.watcher.ops = &ops}, late = {.watcher.ops = &ops};
   tcs_session_join(session, &first.watcher, 16);
   change(20);
@@ -110,7 +110,7 @@ static void what_was_overtaken_takes_no_place(void **state) {
   tcs_session_leave(&first.watcher);
 }
 
-static void what_comes_in_order_takes_its_place(void **state) {
+TEST(what_comes_in_order_takes_its_place) {
   viewer v = {.watcher.ops = &ops};
   tcs_session_join(session, &v.watcher, 16);
   change(30);
@@ -139,7 +139,7 @@ static void light(const char *gradient) {
 
 /* A scene lit by central gradients is drawn with cell gradients while it moves: its interactive frames are as large as
  * those of a scene lit by cell gradients, and a final frame, however slow, makes none of them smaller. */
-static void frames_in_motion_are_sized_by_their_own_gradients(void **state) {
+TEST(frames_in_motion_are_sized_by_their_own_gradients) {
   static const char *const gradients[] = {"cell", "central"};
   const tcs_ladder known = {.ms_per_sample = 2e-5, .measured = true};
   viewer v = {.watcher.ops = &ops};
@@ -169,7 +169,7 @@ static void frames_in_motion_are_sized_by_their_own_gradients(void **state) {
 }
 
 /* A projection has no light, a surface is lit once a pixel: the final frame tells what interactive ones take. */
-static void what_is_not_lit_at_every_sample_is_sized_by_its_own_frames(void **state) {
+TEST(what_is_not_lit_at_every_sample_is_sized_by_its_own_frames) {
   const tc_mode modes[] = {TC_MODE_MIP, TC_MODE_ISOSURFACE, TC_MODE_MESH, TC_MODE_SPLAT};
   for (size_t i = 0; i < sizeof modes / sizeof *modes; i++) {
     viewer v = {.watcher.ops = &ops};
@@ -188,9 +188,4 @@ static void what_is_not_lit_at_every_sample_is_sized_by_its_own_frames(void **st
   }
 }
 
-int main(void) {
-  const struct CMUnitTest tests[] = {TEST(what_was_overtaken_takes_no_place),
-    TEST(what_comes_in_order_takes_its_place), TEST(frames_in_motion_are_sized_by_their_own_gradients),
-    TEST(what_is_not_lit_at_every_sample_is_sized_by_its_own_frames)};
-  return cmocka_run_group_tests(tests, open_daemon, close_daemon);
-}
+TESTS(open_daemon, close_daemon)

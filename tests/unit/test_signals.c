@@ -33,14 +33,14 @@ static double seconds_until_end(pid_t child) {
   return (double)(g_get_monotonic_time() - began) / 1e6;
 }
 
-static void test_what_hangs_is_left(void **state) {
+TEST(test_what_hangs_is_left) {
   const pid_t child = hang(300);
   kill(child, SIGTERM);
   const double seconds = seconds_until_end(child);
   assert_true(seconds >= 0.2 && seconds < 5);
 }
 
-static void test_a_second_signal_does_not_wait(void **state) {
+TEST(test_a_second_signal_does_not_wait) {
   const pid_t child = hang(60000);
   kill(child, SIGTERM);
   g_usleep(50000);
@@ -48,7 +48,7 @@ static void test_a_second_signal_does_not_wait(void **state) {
   assert_true(seconds_until_end(child) < 10);
 }
 
-static void test_a_hangup_ends_nothing(void **state) {
+TEST(test_a_hangup_ends_nothing) {
   const pid_t child = hang(200);
   kill(child, SIGHUP);
   g_usleep(500000);
@@ -57,7 +57,7 @@ static void test_a_hangup_ends_nothing(void **state) {
   seconds_until_end(child);
 }
 
-static void test_wishes_are_counted(void **state) {
+TEST(test_wishes_are_counted) {
   tcs_signals *signals = tcs_signals_new(60000, NULL);
   struct pollfd heard = {.fd = tcs_signals_fd(signals), .events = POLLIN};
   assert_int_equal(tcs_signals_ends(signals), 0);
@@ -68,8 +68,4 @@ static void test_wishes_are_counted(void **state) {
   tcs_signals_free(signals);
 }
 
-int main(void) {
-  const struct CMUnitTest tests[] = {TEST(test_what_hangs_is_left), TEST(test_a_second_signal_does_not_wait),
-    TEST(test_a_hangup_ends_nothing), TEST(test_wishes_are_counted)};
-  return cmocka_run_group_tests(tests, NULL, NULL);
-}
+TESTS(NULL, NULL)

@@ -44,7 +44,7 @@ static tc_vmd *few_model(const char *attributes) {
   return m;
 }
 
-static void columns_runs_and_voxels_are_found(void **state) {
+TEST(columns_runs_and_voxels_are_found) {
   tc_vmd *m = few_model("value");
   assert_int_equal(m->voxels, 7);
   assert_int_equal(m->runs, 3);
@@ -76,7 +76,7 @@ static void expect_sum(const GByteArray *file, const char *wanted) {
 }
 
 /* The page VMD.md shows these bytes. */
-static void bytes_of_version_2_stay(void **state) {
+TEST(bytes_of_version_2_stay) {
   tc_vmd *m = few_model("value");
   GByteArray *file = tc_vmd_encode(m, false, NULL);
   static const uint8_t body[] = {17, 0,    0, 5, 2 << 2, 2, 0xbe, 2, 0xbf,       2, 4 << 2, 62, 0xfe,
@@ -88,7 +88,7 @@ static void bytes_of_version_2_stay(void **state) {
   tc_vmd_free(m);
 }
 
-static void version_1_is_read_and_written_as_it_was(void **state) {
+TEST(version_1_is_read_and_written_as_it_was) {
   tc_vmd *m = few_model("value");
   GByteArray *file = tc_vmd_encode(m, false, NULL);
   static const uint8_t body[] = {18,   0, 0, 6, 2, 2, 0xbe, 2, 0xbf, 2, 62,   4, 0xfe, 2,
@@ -125,7 +125,7 @@ static void version_1_is_read_and_written_as_it_was(void **state) {
 /* Two labels along z, the second from another z on in each column; the last column with a voxel of a third. */
 static int parts(int x, int y, int z) { return x == 2 && z == 50 ? 3 : z < 20 + 3 * x + y ? 1 : 2; }
 
-static void equal_records_are_kept_once(void **state) {
+TEST(equal_records_are_kept_once) {
   tc_volume *v = volume_of(&grid, parts);
   tc_vmd *m =
       tc_vmd_of_volume(v, &(tc_vmd_wish){.low = 1, .high = 3, .labels = true, .attributes = "label"}, NULL, NULL);
@@ -185,7 +185,7 @@ static int stretches(int x, int y, int z) {
 
 /* Whatever the threads, packed or not, all comes back: of a noise, of stretches, of columns too long for short offsets.
  */
-static void models_survive_a_file(void **state) {
+TEST(models_survive_a_file) {
   tc_volume_desc deep = noisy;
   memcpy(deep.dims, (int[]){17, 2, 3000}, sizeof deep.dims);
   tc_volume *volumes[] = {volume_of(&noisy, noise), volume_of(&noisy, stretches), volume_of(&deep, noise)};
@@ -222,7 +222,7 @@ static bool in_range(int x, int y, int z) {
   return inside && 255 - noise(x, y, z) >= 80;
 }
 
-static void a_shell_leaves_out_what_has_six_filled_neighbours(void **state) {
+TEST(a_shell_leaves_out_what_has_six_filled_neighbours) {
   tc_volume *v = volume_of(&noisy, noise);
   tc_vmd *m = tc_vmd_of_volume(v, &(tc_vmd_wish){.low = 80, .high = INFINITY, .shell = true}, NULL, NULL);
   for (int z = 0; z < 130; z++)
@@ -242,7 +242,7 @@ static int ball(int x, int y, int z) {
   return (int)lround(fmin(fmax(100 + 20 * (9 - r), 0), 255));
 }
 
-static void normals_point_out_of_the_object(void **state) {
+TEST(normals_point_out_of_the_object) {
   const tc_volume_desc desc = {
       .dims = {25, 25, 25}, .type = TC_U8, .spacing = {1, 2, 1}, .slope = 1, .direction = {0, 1, 0, -1, 0, 0, 0, 0, 1}};
   tc_volume *v = volume_of(&desc, ball);
@@ -277,7 +277,7 @@ static void expect_refused(GByteArray *file, size_t size, const char *what) {
   g_free(exact);
 }
 
-static void every_prefix_is_refused(void **state) {
+TEST(every_prefix_is_refused) {
   for (int packed = 0; packed < 2; packed++) {
     tc_vmd *m = few_model("value,normal");
     GByteArray *file = tc_vmd_encode(m, packed, NULL);
@@ -289,7 +289,7 @@ static void every_prefix_is_refused(void **state) {
 }
 
 /* One byte another, with a right checksum: refused, or as sound a model as any. */
-static void any_changed_byte_is_survived(void **state) {
+TEST(any_changed_byte_is_survived) {
   tc_vmd *m = few_model("value");
   GByteArray *file = tc_vmd_encode(m, false, NULL);
   int refused = 0;
@@ -312,7 +312,7 @@ static void any_changed_byte_is_survived(void **state) {
   tc_vmd_free(m);
 }
 
-static void wrong_runs_and_counts_are_refused(void **state) {
+TEST(wrong_runs_and_counts_are_refused) {
   static const struct {
     size_t at;
     uint8_t value;
@@ -345,7 +345,7 @@ static void wrong_runs_and_counts_are_refused(void **state) {
   }
 }
 
-static void attributes_that_are_not_there_are_refused(void **state) {
+TEST(attributes_that_are_not_there_are_refused) {
   tc_volume *v = volume_of(&noisy, noise);
   static const char *const wrong[] = {"label", "value,value", "density", "value,,normal"};
   for (size_t i = 0; i < G_N_ELEMENTS(wrong); i++) {
@@ -357,11 +357,4 @@ static void attributes_that_are_not_there_are_refused(void **state) {
   tc_volume_unref(v);
 }
 
-int main(void) {
-  const struct CMUnitTest tests[] = {TEST(columns_runs_and_voxels_are_found), TEST(bytes_of_version_2_stay),
-    TEST(version_1_is_read_and_written_as_it_was), TEST(equal_records_are_kept_once), TEST(models_survive_a_file),
-    TEST(a_shell_leaves_out_what_has_six_filled_neighbours), TEST(normals_point_out_of_the_object),
-    TEST(every_prefix_is_refused), TEST(any_changed_byte_is_survived), TEST(wrong_runs_and_counts_are_refused),
-    TEST(attributes_that_are_not_there_are_refused)};
-  return cmocka_run_group_tests(tests, NULL, NULL);
-}
+TESTS(NULL, NULL)

@@ -17,7 +17,7 @@ static void refused(tc_volume_desc d, tc_error_code code) {
   g_error_free(error);
 }
 
-static void nonsense_is_refused(void **state) {
+TEST(nonsense_is_refused) {
   refused(desc(0, 1, 1, TC_U8), TC_ERROR_INVALID);
   refused(desc(65536, 65536, 1, TC_U8), TC_ERROR_LIMIT);
   refused(desc(INT32_MAX, INT32_MAX, INT32_MAX, TC_F32), TC_ERROR_LIMIT);
@@ -41,7 +41,7 @@ static void nonsense_is_refused(void **state) {
   refused(d, TC_ERROR_INVALID);
 }
 
-static void float_voxels_are_mended(void **state) {
+TEST(float_voxels_are_mended) {
   tc_volume_desc d = desc(5, 1, 1, TC_F32);
   tc_volume *v = tc_volume_new(&d, NULL);
   const float in[5] = {NAN, -2, INFINITY, 7, -INFINITY};
@@ -55,7 +55,7 @@ static void float_voxels_are_mended(void **state) {
 }
 
 /* NaN is nothing: no value near it, no count, and no extreme of what is there. */
-static void nan_is_nothing(void **state) {
+TEST(nan_is_nothing) {
   static const struct {
     const char *unit;
     float in[6], nothing; /* of the middle one of three NaN; those beside a value have the value */
@@ -86,7 +86,7 @@ static void nan_is_nothing(void **state) {
   }
 }
 
-static void huge_floats_are_scaled(void **state) {
+TEST(huge_floats_are_scaled) {
   tc_volume_desc d = desc(3, 1, 1, TC_F32);
   d.slope = 2;
   tc_volume *v = tc_volume_new(&d, NULL);
@@ -101,7 +101,7 @@ static void huge_floats_are_scaled(void **state) {
   tc_volume_unref(v);
 }
 
-static void orientation_and_value(void **state) {
+TEST(orientation_and_value) {
   tc_volume_desc d = desc(3, 4, 5, TC_I16);
   d.spacing[0] = 0.5, d.spacing[1] = 2, d.spacing[2] = 3;
   d.origin[0] = 10, d.origin[1] = -20, d.origin[2] = 30;
@@ -139,7 +139,7 @@ static void orientation_and_value(void **state) {
   tc_volume_unref(v);
 }
 
-static void flat_axis_is_one_spacing_thick(void **state) {
+TEST(flat_axis_is_one_spacing_thick) {
   tc_volume_desc d = desc(4, 1, 1, TC_U8);
   tc_volume *v = tc_volume_new(&d, NULL);
   memcpy(tc_volume_voxels(v), "\1\2\3\4", 4);
@@ -158,7 +158,7 @@ static bool goes_on_twice(void *user, double fraction) {
   return ++*asked <= 2;
 }
 
-static void a_demo_is_given_up_when_told(void **state) {
+TEST(a_demo_is_given_up_when_told) {
   GError *error = NULL;
   int asked = 0;
   assert_null(tc_volume_demo_while("head", goes_on_twice, &asked, &error));
@@ -167,7 +167,7 @@ static void a_demo_is_given_up_when_told(void **state) {
   g_error_free(error);
 }
 
-static void demos_are_made(void **state) {
+TEST(demos_are_made) {
   static const char *const names[] = {"head", "vessels", "marschner-lobb", "bucky"};
   for (int i = 0; i < 4; i++) {
     GError *error = NULL;
@@ -198,9 +198,4 @@ static void demos_are_made(void **state) {
   g_error_free(error);
 }
 
-int main(void) {
-  const struct CMUnitTest tests[] = {TEST(nonsense_is_refused), TEST(float_voxels_are_mended), TEST(nan_is_nothing),
-    TEST(huge_floats_are_scaled), TEST(orientation_and_value), TEST(flat_axis_is_one_spacing_thick),
-    TEST(demos_are_made), TEST(a_demo_is_given_up_when_told)};
-  return cmocka_run_group_tests(tests, NULL, NULL);
-}
+TESTS(NULL, NULL)
