@@ -16,6 +16,7 @@ import { Input, NO_MOVEMENT } from './input.js';
 import { Keys } from './keys.js';
 import { Labels } from './labels.js';
 import { Suggestion } from './suggestion.js';
+import { Lights } from './lights.js';
 import { Surfaces } from './surfaces.js';
 import { Look } from './look.js';
 import { Modes } from './modes.js';
@@ -105,6 +106,7 @@ const suggestion = new Suggestion(get, store, { plan: sessionPlan, take: chooseM
 const crop = new CropPanel(get('crop'), get('crop-reset'), store, gesture);
 const labels = new Labels(get, store, volumes, { failed });
 const surfaces = new Surfaces(get, store, gesture);
+new Lights(get, store, gesture);
 const furniture = new Furniture(
   {
     top: get('mark-top'),

@@ -5,6 +5,7 @@ import { fromHex, toHex } from './transfer_model.js';
 
 const MOST = 256;
 const SKIN = [0.95, 0.75, 0.65];
+const LOOKS = { '': "The scene's look", none: 'Unlit', lambert: 'Matt', 'blinn-phong': 'Glossy', gooch: 'Gooch' };
 const PLANES = ['axial', 'coronal', 'sagittal'];
 
 const element = (name, properties) => Object.assign(document.createElement(name), properties);
@@ -53,7 +54,8 @@ export class Surfaces {
       this.#get('surfaces-list').replaceChildren(...this.#rows.map(({ row }) => row));
     }
     list.forEach((surface, i) => {
-      const { value, color, opacity, eye } = this.#rows[i];
+      const { value, color, opacity, eye, look } = this.#rows[i];
+      if (look) look.value = surface.model ?? '';
       if (value && document.activeElement !== value) value.value = surface.value;
       if (document.activeElement !== opacity) opacity.value = surface.opacity;
       if (color && document.activeElement !== color && surface.color) color.value = toHex(surface.color);
@@ -102,7 +104,14 @@ export class Surfaces {
     eye.addEventListener('click', () => this.#change(i, { visible: !this.#list()[i].visible }));
     const drop = element('button', { textContent: 'Remove', ariaLabel: `Remove ${name}` });
     drop.addEventListener('click', () => this.#send(this.#list().filter((_, k) => k !== i)));
+    const look = surface.plane ? null : element('select', { ariaLabel: `Look of ${name}` });
+    for (const [model, text] of Object.entries(LOOKS)) look?.append(new Option(text, model));
+    look?.addEventListener('change', () => {
+      const { model: _, ...rest } = this.#list()[i];
+      this.#send(this.#list().map((s, k) => (k !== i ? s : look.value ? { ...rest, model: look.value } : rest)));
+    });
     row.append(color ?? element('span', {}), value ?? element('span', { textContent: kind }), opacity, eye, drop);
-    return { kind, row, value, color, opacity, eye };
+    if (look) row.append(look);
+    return { kind, row, value, color, opacity, eye, look };
   }
 }

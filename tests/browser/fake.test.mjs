@@ -172,7 +172,10 @@ describe('page and fake server', { skip }, () => {
     assert.ok(await hidden());
     await page.selectOption('#mode', 'isosurface');
     await page.waitForFunction(() => !document.getElementById('suggestion').hidden);
-    assert.match(await page.textContent('#suggestion-text'), /as a surface mesh, a frame would take about 5 ms instead of 30 ms/);
+    assert.match(
+      await page.textContent('#suggestion-text'),
+      /as a surface mesh, a frame would take about 5 ms instead of 30 ms/,
+    );
     await page.click('#suggestion-take');
     await page.waitForFunction(() => document.getElementById('suggestion').hidden);
     await settled(page);
@@ -334,11 +337,55 @@ describe('page and fake server', { skip }, () => {
       slider.dispatchEvent(new Event('input'));
     });
     assert.equal((await list())[1].opacity, 0.5);
+    await page.selectOption('[aria-label="Look of surface 2"]', 'gooch');
+    assert.equal((await list())[1].model, 'gooch');
+    await page.selectOption('[aria-label="Look of surface 2"]', '');
+    assert.ok(!('model' in (await list())[1]), "the scene's again");
     await page.click('#surfaces-list li:first-child button[aria-label="Remove surface 1"]');
     await page.waitForSelector('#surfaces-list li:nth-child(3)', { state: 'detached' });
     assert.deepEqual(
       (await list()).map(({ plane, opacity }) => plane ?? opacity),
       [0.5, 'axial'],
+    );
+    await page.close();
+  });
+
+  test('lights are added, coloured, turned, fixed to the eye and removed', async () => {
+    const { page } = await open(browser, url);
+    const lights = async () => (await scene(page)).mesh?.lights ?? [];
+    const set = (label, value) =>
+      page.evaluate(
+        ([name, to]) => {
+          const control = document.querySelector(`#lights-list [aria-label="${name}"]`);
+          control.value = to;
+          control.dispatchEvent(new Event('input'));
+        },
+        [label, value],
+      );
+    await page.click('#lights-add');
+    await page.waitForSelector('#lights-list li');
+    await page.click('#lights-add');
+    await page.waitForSelector('#lights-list li:nth-child(2)');
+    assert.deepEqual(
+      (await lights()).map(({ direction }) => Boolean(direction)),
+      [false, true],
+      'the first is at the eye',
+    );
+    await set('Colour of light 2', '#ff0000');
+    await set('Intensity of light 2', '2');
+    await set('Side of light 2', '90');
+    await set('Height of light 2', '0');
+    const [, { color, intensity, direction }] = await lights();
+    assert.deepEqual([color, intensity], [[1, 0, 0], 2]);
+    direction.forEach((x, k) => assert.ok(Math.abs(x - [1, 0, 0][k]) < 1e-9, `to the left: ${direction}`));
+    await page.click('#lights-list [aria-label="Fixed: light 2"]');
+    await page.waitForSelector('#lights-list [aria-label="At the eye: light 2"]');
+    assert.equal((await lights())[1].direction, undefined);
+    await page.click('#lights-list [aria-label="Remove light 1"]');
+    await page.waitForSelector('#lights-list li:nth-child(2)', { state: 'detached' });
+    assert.deepEqual(
+      (await lights()).map(({ intensity }) => intensity),
+      [2],
     );
     await page.close();
   });
