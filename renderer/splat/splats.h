@@ -1,12 +1,15 @@
-/* What is drawn of a voxel model: its surface voxels, in bricks of 16x16x16 voxels, four bytes each.
+/* Splats: the surface voxels of a voxel model, in bricks of 16x16x16 voxels, five bytes each.
  *
- * A splat is a voxel with a free neighbour (of six). Its word holds the place in the brick (x, y, z: 4 bits each from
- * bit 0), the faces on which it is free (6 bits from bit 12: -x +x -y +y -z +z) and the outward normal in LPS (an
- * octahedral map of 7 + 7 bits from bit 18; all set: none, of a voxel inside). A fifth byte, the inset, is 0 where
- * nothing more is known; else 1 + 254 times the distance in voxels from the voxel's centre to the surface along the
- * normal. A voxel that is free on opposite faces is thin: its inset is a tc_splat_thin, and from bit 0 its thickness in
- * 63rds of a usual kernel's. A voxel without a free face is no splat: it is part of the object's inside, which nobody
- * sees; nor is a splat seen from an eye that is on the filled side of all its free faces. */
+ * A splat is a voxel with at least one free neighbour (of six). Its 32-bit word holds the position in the brick (x, y,
+ * z: 4 bits each from bit 0), the free faces (6 bits from bit 12: -x +x -y +y -z +z) and the outward normal in LPS
+ * (octahedral map of 7 + 7 bits from bit 18; all bits set: no normal, an interior voxel).
+ *
+ * The fifth byte, the inset, is 1 + 254 times the distance (voxels) from the voxel's centre to the surface along the
+ * normal; 0: unknown. Thin voxels, which are free on opposite faces, store instead a tc_splat_thin in bits 6 and 7 and,
+ * in bits 0 to 5, their thickness as 63rds of an ordinary kernel's.
+ *
+ * Interior voxels are no splats, since no eye sees them. A splat is invisible, too, to an eye on the filled side of all
+ * its free faces. */
 #ifndef TC_SPLAT_SPLATS_H
 #define TC_SPLAT_SPLATS_H
 

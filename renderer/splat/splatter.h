@@ -1,20 +1,22 @@
-/* The splatter: pictures of voxel models as opaque objects, what is hidden left out first (paper 004, section 3.3).
+/* The splatter: pictures of voxel models as opaque or translucent objects; hidden voxels are culled first (paper 004,
+ * section 3.3).
  *
- * A picture is defined so: of the model's surface voxels (splats.h) that show a free face to the eye, each covers an
- * ellipse, the projection of a ball of the kernel's radius around it, at its own depth; the ellipse's core hides what
- * is behind it. At a pixel the nearest core counts, and all ellipses that are not farther behind it than the kernel is
- * deep: their normals and colours are averaged with the weights of the footprint table, divided by the sum of weights
- * (so that a constant solid is constant), and lit (raycast/shading.h). Where no core is, at an outline, a pixel is
- * covered in part. Where voxels are larger than pixels, kernels take the shapes of what they are part of (shape_of() in
- * tile_tmpl.h): flat ones that touch the surface from within, sheets, and lines whose voxels touch by corners alone.
+ * Opaque: each splat (splats.h) with a free face towards the eye covers an ellipse, the projection of a ball of the
+ * kernel's radius, at its own depth. The ellipse's core hides what lies behind it. At a pixel the nearest core counts,
+ * and with it all ellipses at most one kernel's depth behind: their normals and colours are averaged by the weights of
+ * the footprint table, divided by the sum of weights (so that a constant solid is constant), and lit
+ * (raycast/shading.h). Pixels without a core, at outlines, are partly covered. Where voxels are larger than pixels,
+ * kernels take the shapes of what they are part of (shape_of() in tile_tmpl.h): flat ones that touch the surface from
+ * within, sheets, and lines whose voxels touch by corners alone.
  *
- * Culling leaves out, and changes no bit: voxels inside the object, bricks and splats whose free faces look away, that
- * are out of the picture, or behind the depths of a first pass; attributes are fetched for what is left.
+ * Culling changes no bit of the picture. It leaves out interior voxels, bricks and splats whose free faces look away,
+ * those outside the picture, and those behind the depths of a first pass. Attributes are fetched for the remaining
+ * splats.
  *
- * Translucent (scene.splat.opaque false), all voxels count: the object is the field sum over voxels of extinction times
+ * Translucent (scene.splat.opaque false): all voxels count. The object is the field sum over voxels of extinction times
  * a Gaussian of 0.6 kernel radii (of integral 1: a constant solid is constant within 0.1 %), cut off at three
- * deviations. Sheets of voxels along the axis that is nearest to the view are added up each, then composited, the
- * nearest first. */
+ * deviations. Sheets of voxels along the axis nearest to the view direction are summed one by one and composited front
+ * to back. */
 #ifndef TC_SPLAT_SPLATTER_H
 #define TC_SPLAT_SPLATTER_H
 

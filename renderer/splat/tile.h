@@ -1,4 +1,5 @@
-/* A square of the picture and what splats do to it; one text (tile_tmpl.h) per instruction set. */
+/* A tile, a square part of the picture, and the kernels that draw splats into it; each instruction set compiles
+ * tile_tmpl.h for itself. */
 #ifndef TC_SPLAT_TILE_H
 #define TC_SPLAT_TILE_H
 
@@ -7,15 +8,14 @@
 
 #define TC_TILE 64        /* pixels a side */
 #define TC_TILE_STRIDE 80 /* of a row: vectors reach over its end */
-#define TC_TILE_BLOCK 8   /* pixels a side of what the greatest depth is known of */
+#define TC_TILE_BLOCK 8   /* pixels a side of a block, whose greatest depth is kept for culling */
 #define TC_TILE_BLOCKS (TC_TILE / TC_TILE_BLOCK)
 #define TC_WEIGHT_STEPS 1024
 #define TC_SPLAT_FLAT 0.4f /* thickness of a surface's kernel over its width, where voxels are large */
 
 enum { TC_SUM_WEIGHT, TC_SUM_NORMAL, TC_SUM_COLOR = TC_SUM_NORMAL + 3, TC_SUMS = TC_SUM_COLOR + 3 };
 
-/* What a voxel looks like: colour (0..1 a channel, compositing space) and extinction (1/mm), asked for once it is known
- * to be seen. */
+/* A voxel's colour (0..1 a channel, compositing space) and extinction (1/mm), looked up for visible voxels only. */
 typedef struct tc_splat_matter {
   void (*of)(const void *user, const int at[3], float rgbk[4]); /* NULL: all are of one colour; opaque */
   const void *user;
@@ -30,7 +30,7 @@ typedef struct tc_splat_args {
   float axis[3][3];         /* view x, y, z of one voxel along index axis k: [row][k] */
   float scale;              /* pixels a mm, in perspective at z = 1 mm */
   float radius2, least2;    /* of the kernel, voxels; what is added for a pixel's own width; squared */
-  float near_mm, window_mm; /* nothing is drawn nearer; how far behind the nearest splat others still count */
+  float near_mm, window_mm; /* near plane; splats up to window_mm behind the nearest one are blended with it */
   uint8_t weights[TC_WEIGHT_STEPS + 4]; /* footprint by the square of the distance over the kernel's; the last is 0 */
   float core,
       core_root; /* of the footprint that hides what is behind it: square of its size over the kernel's, and size */
@@ -69,7 +69,7 @@ typedef struct tc_splat_tile {
   float farthest[TC_TILE_BLOCKS][TC_TILE_BLOCKS];
   bool stale[TC_TILE_BLOCKS][TC_TILE_BLOCKS];
   int touched[4];         /* translucent: pixels x0, y0, x1, y1 of the sheet in the making; x1 < x0: none */
-  bool left;              /* the halt wanted it: the tile is not finished */
+  bool left;              /* stopped by the halt: the tile is not finished */
   uint64_t depths, drawn; /* splats that were put into the depths; into the sums */
 } tc_splat_tile;
 
@@ -87,7 +87,7 @@ typedef struct tc_splat_kernels {
 
 extern const tc_splat_kernels tc_splat_scalar, tc_splat_avx2;
 
-/* Whether all that a box of pixels (of the tile) shows is nearer than z. */
+/* Whether every pixel of a box (of the tile) already shows something nearer than z. */
 bool tc_tile_hides(tc_splat_tile *tile, int x0, int y0, int x1, int y1, float z);
 void tc_tile_touch(tc_splat_tile *tile, int x0, int y0, int x1, int y1); /* depths there have changed */
 
