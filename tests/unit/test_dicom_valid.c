@@ -245,6 +245,36 @@ TEST(lossless_jpeg_of_every_depth) {
   }
 }
 
+/* Some writers leave out the mark behind the last fragment, or lose a part of it. A fragment that is cut is none. */
+TEST(packed_pixels_without_their_end) {
+  uint32_t values[PIXELS];
+  ramp(values, PIXELS, 8);
+  for (int jpeg = 0; jpeg < 2; jpeg++)
+    for (unsigned missing = 5; missing < 12; missing += 3) {
+      dicom_spec s = spec_of(8, 1, NULL);
+      s.syntax = jpeg ? ".4.70" : ".5";
+      for (int again = 0; again < 2; again++) {
+        GByteArray *bytes = with_fragment(dicom_bytes(&s), jpeg ? lossless_jpeg(values, 8) : run_lengths(values, 1, 1));
+        g_byte_array_set_size(bytes, bytes->len - missing);
+        if (missing > 8) {
+          refuse_bytes(bytes, TC_ERROR_FORMAT, "cut");
+        } else if (again) {
+          check_pixels(s.syntax, bytes, values, 1);
+        } else {
+          tc_volume *v = open_bytes(s.syntax, bytes);
+          assert_non_null(strstr(tc_volume_describe(v)->note, "1 slices lack the mark at the end"));
+          tc_volume_unref(v);
+        }
+      }
+    }
+  dicom_spec s = spec_of(8, 1, NULL); /* the file ends between two frames */
+  s.syntax = ".5";
+  s.frames = "2";
+  GByteArray *bytes = with_fragment(dicom_bytes(&s), run_lengths(values, 1, 1));
+  g_byte_array_set_size(bytes, bytes->len - 8);
+  refuse_bytes(bytes, TC_ERROR_FORMAT, "cut");
+}
+
 TEST(colours_in_run_lengths) {
   for (unsigned bits = 8; bits <= 16; bits += 8) {
     uint32_t values[3 * PIXELS];

@@ -56,6 +56,7 @@ void Decoder::open(const Picture &p) {
     if (error) fail_with(error);
     fail(TC_ERROR_IO, "a file changed while it was read");
   }
+  if (p.ends_at) add_end_mark(p.ends_at);
   uint64_t decoded = tc_dicom_frame_bytes(&p.samples) * stored_frames(p);
   cap_ = std::max<uint64_t>(justified_allocation(blob_.size, 1),
                             std::min<uint64_t>(decoded, 4096 * uint64_t{blob_.size}) + MiB);
@@ -66,6 +67,18 @@ void Decoder::open(const Picture &p) {
   else if (!p.run_lengths || p.palette)
     open_coded(p);
   open_ = &p;
+}
+
+// GDCM is given what is missing of the file.
+void Decoder::add_end_mark(size_t at) {
+  static const uint8_t mark[8] = {0xfe, 0xff, 0xdd, 0xe0};
+  if (at > blob_.size) fail(TC_ERROR_IO, "a file changed while it was read");
+  auto *whole = static_cast<uint8_t *>(g_try_malloc(at + sizeof mark));
+  if (!whole) fail(TC_ERROR_MEMORY, "no memory for a file of the series");
+  memcpy(whole, blob_.bytes, at);
+  memcpy(whole + at, mark, sizeof mark);
+  tc_dicom_blob_finish(&blob_);
+  blob_ = {whole, at + sizeof mark, nullptr, whole};
 }
 
 const gdcm::DataElement &Decoder::read_pixels(const Picture &p) {

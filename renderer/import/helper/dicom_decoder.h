@@ -28,6 +28,7 @@ public:
 private:
   void close();
   void open(const Picture &p);
+  void add_end_mark(size_t at);
   void open_native(const Picture &p);
   static uint32_t stored_frames(const Picture &p);
   Frame tile_of(const Frame &whole, uint32_t across, uint32_t number);

@@ -151,9 +151,10 @@ static Tag pixel_tag(const DataSet &set, const Picture &p) {
   fail(TC_ERROR_FORMAT, "the DICOM header is damaged or cut");
 }
 
-// Whether the items of packed pixels reach the mark at their end. GDCM takes a file that ends between two for whole, and
-// the last of them for all that miss.
-static bool items_are_there(const uint8_t *bytes, size_t at, size_t size) {
+// Whether the items of packed pixels reach the mark at their end, or where it is missing are a table of offsets and one
+// for each frame. GDCM takes a file that ends between two for whole, and the last of them for all that miss.
+static bool items_are_there(const uint8_t *bytes, size_t at, size_t size, Picture &p) {
+  size_t count = 0;
   while (size - at >= 8) {
     uint32_t head[2];
     memcpy(head, bytes + at, sizeof head);
@@ -161,15 +162,17 @@ static bool items_are_there(const uint8_t *bytes, size_t at, size_t size) {
     at += 8;
     if (head[0] != 0xe000fffe || head[1] > size - at) return false;
     at += head[1];
+    count++;
   }
-  return false;
+  p.ends_at = at;
+  return count == size_t{1} + p.frames;
 }
 
 // Whether pixels that begin at `at` are all there: one cut file of a series is then left out like one that
 // cannot be read at all, and not found out half-way.
-static bool pixels_are_there(const Picture &p, bool packed, std::streamoff at, const tc_dicom_blob &blob) {
+static bool pixels_are_there(Picture &p, bool packed, std::streamoff at, const tc_dicom_blob &blob) {
   const size_t size = blob.size;
-  if (packed) return at < 0 || items_are_there(blob.bytes, std::min<uint64_t>(at, size), size);
+  if (packed) return at < 0 || items_are_there(blob.bytes, std::min<uint64_t>(at, size), size, p);
   const tc_dicom_samples &s = p.samples;
   uint64_t bytes =
       s.allocated == 1 ? (uint64_t(s.rows) * s.columns * p.frames + 7) / 8 : tc_dicom_frame_bytes(&s) * p.frames;

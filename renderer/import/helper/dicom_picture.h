@@ -31,6 +31,7 @@ struct Picture {
   bool native = false; // bytes as they are, no codec
   bool run_lengths = false;
   bool swapped = false;      // big-endian 32-bit samples, whose halves GDCM leaves in the file's order
+  size_t ends_at = 0;        // packed pixels without the mark at their end: their last item ends here; 0: they have it
   size_t deflated_at = 0;    // a deflated data set begins here; 0 otherwise
   uint32_t tiles_across = 0; // a mosaic: its slices lie side by side in one picture, row by row; 0: none
   bool palette = false, inverted = false, cine = false, mosaic = false, fractional = false;

@@ -140,6 +140,8 @@ static void describe_fractions(Job &job, const Picture &p) {
 void describe(Job &job, const Run &run) {
   tc_volume_desc &d = job.desc;
   const Picture &p = job.first();
+  size_t unended = 0;
+  for (size_t i = 0; i < job.stack.count; i++) unended += job.at(i).picture->ends_at != 0;
   snprintf(d.format, sizeof d.format, "dicom");
   put_words(job.from.description, p.description);
   snprintf(job.from.time, sizeof job.from.time, "%s", p.time.c_str());
@@ -164,6 +166,7 @@ void describe(Job &job, const Run &run) {
   if (p.mosaic) tc_dicom_note(d.note, "a mosaic, cut into its slices");
   if (p.fractional) describe_fractions(job, p);
   if (!p.lookup.empty()) tc_dicom_note(d.note, "values are those of the modality lookup table");
+  if (unended) tc_dicom_note(d.note, "%zu slices lack the mark at the end of their pixels, which are all there", unended);
   if (run.unreadable) tc_dicom_note(d.note, "%zu unreadable files left out", run.unreadable);
 }
 

@@ -48,7 +48,27 @@ static int recognise(const uint8_t *head, size_t size, bool *big_endian, bool *p
   return 0;
 }
 
-/* Analyze 7.5 has no magic: the header's size, its "regular" mark or extents, and a sane number of dimensions. */
+typedef struct voxel_type {
+  int code, element, components, combine;
+} voxel_type;
+
+static const voxel_type voxel_types[] = {
+    {2, TC_ELEMENT_U8, 1, 0},      {4, TC_ELEMENT_I16, 1, 0},    {8, TC_ELEMENT_I32, 1, 0},
+    {16, TC_ELEMENT_F32, 1, 0},    {64, TC_ELEMENT_F64, 1, 0},   {256, TC_ELEMENT_I8, 1, 0},
+    {512, TC_ELEMENT_U16, 1, 0},   {768, TC_ELEMENT_U32, 1, 0},  {1024, TC_ELEMENT_I64, 1, 0},
+    {1280, TC_ELEMENT_U64, 1, 0},  {128, TC_ELEMENT_U8, 3, TC_COMBINE_LUMA},
+    {2304, TC_ELEMENT_U8, 4, TC_COMBINE_LUMA}, {32, TC_ELEMENT_F32, 2, TC_COMBINE_MAGNITUDE},
+    {1792, TC_ELEMENT_F64, 2, TC_COMBINE_MAGNITUDE},
+};
+
+static const voxel_type *type_of(int code) {
+  for (size_t i = 0; i < G_N_ELEMENTS(voxel_types); i++)
+    if (voxel_types[i].code == code) return &voxel_types[i];
+  return NULL;
+}
+
+/* Analyze 7.5 has no magic: the header's size, a sane number of dimensions, and its "regular" mark, its extents, or a
+ * datatype as wide as its bitpix says: some writers leave the first two out. */
 static bool is_analyze(const uint8_t *head, size_t size, bool *big_endian) {
   for (int big = 0; big < 2 && size >= header1_size; big++) {
     tc_reader r;
@@ -58,9 +78,12 @@ static bool is_analyze(const uint8_t *head, size_t size, bool *big_endian) {
     const uint32_t extents = tc_reader_u32(&r);
     tc_reader_seek(&r, 40);
     const int dimensions = tc_reader_i16(&r);
+    tc_reader_seek(&r, 70);
+    const voxel_type *type = type_of(tc_reader_i16(&r));
+    const int bits = type ? type->components * 8 * (int)tc_element_size((tc_element)type->element) : 0;
+    const bool marked = head[38] == 'r' || extents == 16384 || (type && tc_reader_i16(&r) == bits);
     *big_endian = big;
-    if (own_size == header1_size && (head[38] == 'r' || extents == 16384) && dimensions >= 2 && dimensions <= 7 && head[344] != 'n')
-      return true;
+    if (own_size == header1_size && marked && dimensions >= 2 && dimensions <= 7 && head[344] != 'n') return true;
   }
   return false;
 }
@@ -176,31 +199,22 @@ static bool set_dims(tc_raster *raster, const nifti_header *h, GError **error) {
 }
 
 static bool set_type(tc_raster *raster, const nifti_header *h, GError **error) {
-  static const struct { int code, element, components, combine; } types[] = {
-      {2, TC_ELEMENT_U8, 1, 0},      {4, TC_ELEMENT_I16, 1, 0},    {8, TC_ELEMENT_I32, 1, 0},
-      {16, TC_ELEMENT_F32, 1, 0},    {64, TC_ELEMENT_F64, 1, 0},   {256, TC_ELEMENT_I8, 1, 0},
-      {512, TC_ELEMENT_U16, 1, 0},   {768, TC_ELEMENT_U32, 1, 0},  {1024, TC_ELEMENT_I64, 1, 0},
-      {1280, TC_ELEMENT_U64, 1, 0},  {128, TC_ELEMENT_U8, 3, TC_COMBINE_LUMA},
-      {2304, TC_ELEMENT_U8, 4, TC_COMBINE_LUMA}, {32, TC_ELEMENT_F32, 2, TC_COMBINE_MAGNITUDE},
-      {1792, TC_ELEMENT_F64, 2, TC_COMBINE_MAGNITUDE},
-  };
-  size_t i = 0;
-  while (i < G_N_ELEMENTS(types) && types[i].code != h->datatype) i++;
-  if (i == G_N_ELEMENTS(types)) {
+  const voxel_type *type = type_of(h->datatype);
+  if (!type) {
     tc_set_error(error, TC_ERROR_UNSUPPORTED, NULL, "datatype %d is not read: save it as an integer, float or RGB type",
                  h->datatype);
     return false;
   }
-  raster->element = (tc_element)types[i].element;
+  raster->element = (tc_element)type->element;
   raster->big_endian = h->big_endian;
   bool vector = raster->components > 1;
-  if (vector && types[i].components > 1) {
+  if (vector && type->components > 1) {
     tc_set_error(error, TC_ERROR_UNSUPPORTED, NULL, "vectors of colour or complex numbers are not read");
     return false;
   }
   if (!vector) {
-    raster->components = (uint32_t)types[i].components;
-    raster->combine = (tc_combine)types[i].combine;
+    raster->components = (uint32_t)type->components;
+    raster->combine = (tc_combine)type->combine;
     raster->inner = 1;
     return true;
   }
