@@ -256,8 +256,16 @@ static void on_upgrade(void *user, struct MHD_Connection *connection, void *cont
   if (session) tcs_audit(server->access, &request->caller, "session.join", session->id, session->entry->id);
 }
 
-static bool handshake_ok(tcs_request *request) {
+bool tcs_viewer_fits(tcs_request *request, const tcs_session *session) {
   const tcs_server *server = request->server;
+  const int64_t viewers = server->ws_clients + server->mjpeg_clients;
+  if (viewers < server->config->limits.clients || !session->watchers->len) return true;
+  tcs_reply_problem(request, 503, "busy", "Busy", "too many viewers; try again later");
+  tcs_reply_header(request, "Retry-After", "5");
+  return false;
+}
+
+static bool handshake_ok(tcs_request *request, const tcs_session *session) {
   const char *key = tcs_header(request, "Sec-WebSocket-Key"), *version = tcs_header(request, "Sec-WebSocket-Version");
   if (strcmp(request->method, "GET") != 0 || !tcs_token_in(tcs_header(request, "Upgrade"), "websocket", true) ||
       !tcs_token_in(tcs_header(request, "Connection"), "upgrade", true)) {
@@ -271,18 +279,15 @@ static bool handshake_ok(tcs_request *request) {
     tcs_reply_problem(request, 400, "handshake", "Bad handshake", "Sec-WebSocket-Key: 16 bytes in base64 are wanted");
   } else if (!tcs_token_in(tcs_header(request, "Sec-WebSocket-Protocol"), TCS_SUBPROTOCOL, false)) {
     tcs_reply_problem(request, 400, "handshake", "Bad handshake", "ask for the subprotocol " TCS_SUBPROTOCOL);
-  } else if (server->ws_clients + server->mjpeg_clients >= server->config->limits.clients) {
-    tcs_reply_problem(request, 503, "busy", "Busy", "too many viewers; try again later");
-    tcs_reply_header(request, "Retry-After", "5");
   } else {
-    return true;
+    return tcs_viewer_fits(request, session);
   }
   return false;
 }
 
 void tcs_get_stream(tcs_request *request) {
   const tcs_session *session = tcs_session_of(request);
-  if (!session || !handshake_ok(request)) return;
+  if (!session || !handshake_ok(request, session)) return;
   struct MHD_Response *response = MHD_create_response_for_upgrade(on_upgrade, request);
   if (!response) {
     request->cut = true;

@@ -86,8 +86,12 @@ static unsigned connection_limit(const tcs_server *server) {
   return (unsigned)(server->config->limits.clients + EXTRA_CONNECTIONS);
 }
 
-/* What one peer may have of them, so that nobody's idle ones keep others out. */
-static unsigned peer_limit(const tcs_server *server) { return connection_limit(server) / 4 * 3; }
+/* What one peer may have of them, so that nobody's idle ones keep others out: three times what is left. However many peers
+ * hold all they may, something is left. */
+static unsigned peer_limit(const tcs_http *http) {
+  const unsigned taken = g_hash_table_size(http->links) + RESERVE, limit = connection_limit(http->server);
+  return taken < limit ? 3 * (limit - taken) : 0;
+}
 
 static void name_peer(const tcs_http *http, const struct sockaddr *from, char peer[INET6_ADDRSTRLEN]) {
   const tcs_proxies *proxies = http->server->access->proxies;
@@ -108,12 +112,12 @@ static enum MHD_Result on_accept(void *user, const struct sockaddr *from, sockle
   const tcs_http *http = ((const place *)user)->http;
   char peer[INET6_ADDRSTRLEN];
   name_peer(http, from, peer);
-  return connections_of(http, peer) < peer_limit(http->server) + RESERVE / 2 ? MHD_YES : MHD_NO;
+  return connections_of(http, peer) < peer_limit(http) + RESERVE / 2 ? MHD_YES : MHD_NO;
 }
 
 static bool is_reserve(const tcs_http *http, const link_state *link) {
   return g_hash_table_size(http->links) + RESERVE >= connection_limit(http->server) ||
-         connections_of(http, link->peer) >= peer_limit(http->server);
+         connections_of(http, link->peer) >= peer_limit(http);
 }
 
 static void on_connection(void *user, struct MHD_Connection *connection, void **context,

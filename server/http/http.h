@@ -118,6 +118,9 @@ tcs_session *tcs_own_session(tcs_request *request);
  * one session may know of all. */
 bool tcs_session_visible(const tcs_request *request, const char *id);
 bool tcs_entry_visible(const tcs_request *request, tcs_kind kind, const char *id);
+/* Whether one more may look at it. Full of viewers, the house still takes the first of each session: one user's keep
+ * nobody else out. False: replied 503. */
+bool tcs_viewer_fits(tcs_request *request, const tcs_session *session);
 /* False: replied 422, naming a member that is not in the NULL-ended list `names`. Also wants an object. */
 bool tcs_members_known(tcs_request *request, const cJSON *body, const char *const *names);
 /* A string member; NULL where absent. False: replied 422. */

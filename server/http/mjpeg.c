@@ -165,16 +165,12 @@ static void open_stream(tcs_request *request, tcs_session *session) {
 }
 
 void tcs_get_mjpeg(tcs_request *request) {
-  tcs_server *server = request->server;
   tcs_session *session = tcs_session_of(request);
   if (!session) return;
   if (strcmp(request->method, "HEAD") == 0) {
     tcs_reply_empty(request, 200);
     tcs_reply_header(request, "Content-Type", "multipart/x-mixed-replace; boundary=tomocast");
-  } else if (server->ws_clients + server->mjpeg_clients >= server->config->limits.clients) {
-    tcs_reply_problem(request, 503, "busy", "Busy", "too many viewers; try again later");
-    tcs_reply_header(request, "Retry-After", "5");
-  } else {
+  } else if (tcs_viewer_fits(request, session)) {
     open_stream(request, session);
   }
 }

@@ -94,6 +94,10 @@ test('viewers are limited', async () => {
   const reply = await d.get(links.mjpeg);
   problem(reply, 503);
   assert.ok(reply.headers.get('retry-after'));
+  const other = (await d.session()).links.mjpeg; // who has none yet is let in, once
+  stops.push(new AbortController());
+  assert.equal((await fetch(d.base + other, { signal: stops.at(-1).signal })).status, 200);
+  problem(await d.get(other), 503);
   stops.forEach((stop) => stop.abort());
   await gone();
 });
