@@ -1,6 +1,7 @@
 /* Formats and packings that come through the same readers: whole files in gzip and bzip2, MGH, Analyze; and what is
  * refused by its name. */
 #include "import_files.h"
+#include "renderer/import/helper/decode.h"
 
 enum { side = 4, count = side * side * side };
 
@@ -242,6 +243,97 @@ TEST(a_refusal_names_the_format) {
   }
   write_text("other", "hello");
   open_bad("other", TC_ERROR_FORMAT, "unknown kind of file");
+}
+
+/* ---- ISA-L against zlib: no sanitizer sees into its assembler ---- */
+
+/* What the decoder makes of `from`, read `step` bytes at a time; NULL: damaged or cut. */
+static GByteArray *inflated(const GByteArray *from, size_t step) {
+  tc_input input;
+  uint8_t bytes[1 << 16];
+  size_t got = 1;
+  bool ok = true;
+  tc_input_memory(&input, from->data, from->len, "");
+  tc_decoder *d = tc_decoder_new(&input, 0, TC_ENCODING_DEFLATE, TC_ELEMENT_U8, 0, NULL);
+  GByteArray *out = g_byte_array_new();
+  while (got > 0 && (ok = tc_decoder_read(d, bytes, step, &got, NULL))) g_byte_array_append(out, bytes, (guint)got);
+  if (!ok || tc_decoder_cut(d)) g_clear_pointer(&out, g_byte_array_unref);
+  tc_decoder_free(d);
+  tc_input_close(&input);
+  return out;
+}
+
+static bool zlib_takes(const GByteArray *from) {
+  uint8_t bytes[4096];
+  z_stream z = {.next_in = from->data, .avail_in = from->len, .next_out = bytes, .avail_out = sizeof bytes};
+  assert_int_equal(inflateInit2(&z, MAX_WBITS + 32), Z_OK);
+  const int rc = inflate(&z, Z_FINISH);
+  inflateEnd(&z);
+  return rc == Z_STREAM_END;
+}
+
+/* Whether it is `times` of `wanted` behind each other. */
+static void check_inflated(const GByteArray *from, size_t step, const GByteArray *wanted, guint times) {
+  GByteArray *out = inflated(from, step);
+  assert_non_null(out);
+  assert_int_equal(out->len, times * wanted->len);
+  for (guint i = 0; i < times; i++) assert_memory_equal(out->data + i * wanted->len, wanted->data, wanted->len);
+  g_byte_array_unref(out);
+}
+
+/* Every cut, every changed bit, padding, and every size of what is asked for. What is taken is right to the byte. */
+TEST(inflating_is_zlibs) {
+  GByteArray *voxels = ramp();
+  for (int gzip = 0; gzip < 2; gzip++) {
+    GByteArray *packed = deflated(voxels->data, voxels->len, gzip);
+    const guint size = packed->len;
+    for (size_t step = 1; step <= voxels->len + 1; step++) check_inflated(packed, step, voxels, 1);
+    for (guint bit = 0; bit < 8 * size; bit++) {
+      packed->data[bit / 8] ^= (uint8_t)(1 << bit % 8);
+      GByteArray *out = inflated(packed, 100);
+      if (zlib_takes(packed)) assert_non_null(out);
+      if (out) check_inflated(packed, 100, voxels, 1), g_byte_array_unref(out);
+      packed->data[bit / 8] ^= (uint8_t)(1 << bit % 8);
+    }
+    append(packed, "padding");
+    check_inflated(packed, 100, voxels, 1);
+    for (guint cut = 1; cut < size; cut++) {
+      g_byte_array_set_size(packed, size - cut);
+      assert_null(inflated(packed, 100));
+    }
+    g_byte_array_unref(packed);
+  }
+  g_byte_array_unref(voxels);
+}
+
+/* The decoder fetches 128 KiB at a time: the end of the first of these falls on every byte of a stream. */
+TEST(streams_across_what_is_fetched) {
+  enum { fetched = 128 << 10 };
+  GByteArray *voxels = ramp(), *packed = deflated(voxels->data, voxels->len, true), *first = g_byte_array_new();
+  static uint8_t noise[fetched];
+  uint32_t state = 1;
+  for (size_t i = 0; i < sizeof noise; i++) noise[i] = (uint8_t)((state = state * 1664525 + 1013904223) >> 24);
+  GByteArray *lead = deflated(noise, fetched - 1024, true);
+  for (guint part = 0; part <= packed->len; part++) {
+    const guint padding = fetched - part - lead->len - 20; /* 20: an empty stream's */
+    g_byte_array_set_size(first, 0);
+    g_byte_array_append(first, lead->data, lead->len);
+    g_byte_array_append(first, (const uint8_t *)"\x1f\x8b\x08\x10\0\0\0\0\0\xff", 10); /* a comment as long as it takes */
+    for (guint i = 1; i < padding; i++) append(first, "c");
+    g_byte_array_append(first, (const uint8_t *)"\0\x03\0\0\0\0\0\0\0\0\0", 11);
+    assert_int_equal(first->len, fetched - part);
+    g_byte_array_append(first, packed->data, packed->len);
+    GByteArray *out = inflated(first, 1 << 16);
+    assert_non_null(out);
+    assert_int_equal(out->len, fetched - 1024 + voxels->len);
+    assert_memory_equal(out->data, noise, fetched - 1024);
+    assert_memory_equal(out->data + fetched - 1024, voxels->data, voxels->len);
+    g_byte_array_unref(out);
+  }
+  g_byte_array_unref(lead);
+  g_byte_array_unref(first);
+  g_byte_array_unref(packed);
+  g_byte_array_unref(voxels);
 }
 
 TESTS(make_folder, remove_folder)
