@@ -92,6 +92,7 @@ V_INLINE void sample_interval(const tc_cpu_args *args, variant v, const packet *
   for (int j = 0; j < args->interval; j++) {
     vf sample = from + v_set((float)j), t = v_min(sample * v_set(args->rays.step_mm), p->length);
     chosen = m_and(chosen, v_lt((sample - v_set(1)) * v_set(args->rays.step_mm), p->length));
+    chosen = m_and(chosen, v_lt(have->best, v_set(args->grey.stop)));
     if (!keep_marching(args, chosen, counts, j)) break;
     raise_peak(args, v, p, march_voxel(args, v, p, m, 0, t, chosen, NULL) * v_set(args->grey.sign), t, chosen, have);
     counts->samples += (uint64_t)m_count(chosen);
