@@ -5,6 +5,7 @@
 
 #include "renderer/scene/scene.h"
 #include "renderer/volume/volume.h"
+#include "tests/support/scoped.h"
 
 /* Zero members mean: spacing 1 mm, origin 0, direction identity, slope 1, intercept 0. */
 typedef struct test_grid {

@@ -15,16 +15,16 @@
 #include "renderer/import/import.h"
 #include "tests/support/folder.h"
 #include "tests/support/read_here.h"
+#include "tests/support/scoped.h"
 
 static inline char *path_of(const char *name) { return g_build_filename(folder, name, NULL); }
 
 static inline void write_file(const char *name, const void *bytes, size_t size) {
-  char *path = path_of(name);
+  g_autofree char *path = path_of(name);
   FILE *file = fopen(path, "wb"); /* not g_file_set_contents(), which waits for the disk */
   assert_non_null(file);
   if (size > 0) assert_int_equal(fwrite(bytes, 1, size, file), size);
   assert_int_equal(fclose(file), 0);
-  g_free(path);
 }
 
 static inline void write_bytes(const char *name, const GByteArray *bytes) { write_file(name, bytes->data, bytes->len); }
@@ -38,7 +38,7 @@ static inline void write_text(const char *name, const char *text) { write_file(n
 
 /* A zip of files that were written, in a folder of its own. */
 static inline void zip_files(const char *name, const char *const *files, int count) {
-  char *path = path_of(name);
+  g_autofree char *path = path_of(name);
   zip_t *zip = zip_open(path, ZIP_CREATE | ZIP_TRUNCATE, NULL);
   for (int i = 0; i < count; i++) {
     char *file = path_of(files[i]), *member = g_strconcat("study/", files[i], NULL);
@@ -47,13 +47,11 @@ static inline void zip_files(const char *name, const char *const *files, int cou
     g_free(file);
   }
   assert_int_equal(zip_close(zip), 0);
-  g_free(path);
 }
 
 static inline tc_volume *open_with(const char *name, const tc_import_options *options, GError **error) {
-  char *path = path_of(name);
+  g_autofree char *path = path_of(name);
   tc_volume *volume = TC_TEST_BY_HELPER(name, options) ? tc_import(path, options, error) : read_file_here(path, options, error);
-  g_free(path);
   return volume;
 }
 
@@ -69,7 +67,7 @@ static inline tc_volume *open_good(const char *name) {
 
 /* Opens a file that must be refused with this code and, in the message, this text. */
 static inline void open_bad(const char *name, int code, const char *text) {
-  GError *error = NULL;
+  g_autoptr(GError) error = NULL;
   tc_volume *volume = open_with(name, NULL, &error);
   assert_null(volume);
   assert_non_null(error);
@@ -78,7 +76,6 @@ static inline void open_bad(const char *name, int code, const char *text) {
   assert_true(right);
   assert_null(strchr(error->message, '\n'));
   assert_null(strstr(error->message, folder)); /* no server-side folder in a message */
-  g_error_free(error);
 }
 
 /* ---- bytes ---- */
@@ -189,13 +186,12 @@ static inline void check_dims(const tc_volume *volume, int x, int y, int z) {
  * format is known even when the content says nothing yet. */
 static inline void check_prefixes(const char *name, const GByteArray *whole) {
   for (guint n = 0; n < whole->len; n++) {
-    GError *error = NULL;
+    g_autoptr(GError) error = NULL;
     write_file(name, whole->data, n);
     tc_volume *volume = open_with(name, NULL, &error);
     if (volume) print_error("%s: a prefix of %u of %u bytes opened\n", name, n, whole->len);
     assert_null(volume);
     assert_non_null(error);
-    g_error_free(error);
   }
   write_bytes(name, whole);
   tc_volume_unref(open_good(name));

@@ -64,9 +64,8 @@ static char *take_file(const char *name, gsize *size) {
 }
 
 static void put_file(const char *name, const char *text) {
-  char *path = g_build_filename(folder, name, NULL);
+  g_autofree char *path = g_build_filename(folder, name, NULL);
   assert_true(g_file_set_contents(path, text, -1, NULL));
-  g_free(path);
 }
 
 static unsigned be32(const char *bytes) {
@@ -76,14 +75,13 @@ static unsigned be32(const char *bytes) {
 
 static void assert_png(const char *name, unsigned width, unsigned height, int color_type) {
   gsize size;
-  char *bytes = take_file(name, &size);
+  g_autofree char *bytes = take_file(name, &size);
   assert_true(size > 33);
   assert_memory_equal(bytes, "\x89PNG\r\n\x1a\n", 8);
   assert_int_equal(be32(bytes + 16), width);
   assert_int_equal(be32(bytes + 20), height);
   assert_int_equal(bytes[25], color_type);
   assert_memory_equal(bytes + size - 8, "IEND", 4);
-  g_free(bytes);
 }
 
 TEST(version_and_help) {
@@ -157,9 +155,8 @@ TEST(renders_demo_head) {
   assert_png("render.png", 80, 60, 2);
   accept(RUN("render", "demo:head", "-o", "head.jpg", "--width", "80", "--height", "60"));
   gsize size;
-  char *bytes = take_file("head.jpg", &size);
+  g_autofree char *bytes = take_file("head.jpg", &size);
   assert_memory_equal(bytes, "\xff\xd8\xff", 3);
-  g_free(bytes);
 }
 
 TEST(scene_and_set) {

@@ -14,6 +14,7 @@
 #include "renderer/import/wire.h"
 #include "tests/support/confined.h"
 #include "tests/support/dicom_files.h"
+#include "tests/support/scoped.h"
 
 enum { COLUMNS = 6, ROWS = 4, PIXELS = COLUMNS * ROWS, SLICES = 9 };
 
@@ -60,7 +61,7 @@ static tc_volume *load(const char *path, const char *series) {
 
 /* Loads what must be refused; returns the code, and checks that the message is one clean line. */
 static int refused(const char *path, const char *series) {
-  GError *error = NULL;
+  g_autoptr(GError) error = NULL;
   tc_volume *v = tc_helper_load(TC_HELPER_DICOM, path, series, &with_helper, &error);
   if (v) fail_msg("loaded though it must not");
   assert_int_equal(error->domain, TC_ERROR);
@@ -68,7 +69,6 @@ static int refused(const char *path, const char *series) {
   assert_null(strstr(error->message, "SECRET"));
   assert_null(strstr(error->message, path));
   int code = error->code;
-  g_error_free(error);
   return code;
 }
 
@@ -178,7 +178,7 @@ TEST(a_packed_file) {
 }
 
 TEST(two_series) {
-  char *folder = temp_folder();
+  g_autofree char *folder = temp_folder();
   write_series(folder, "1.2.3.20", 2, SLICES);
   write_series(folder, "1.2.3.10", 1, 4);
   tc_series *series;
@@ -199,15 +199,13 @@ TEST(two_series) {
     int slices;
   } picks[] = {{NULL, SLICES}, {"1", 4}, {"2", SLICES}, {"1.2.3.10", 4}};
   for (size_t i = 0; i < G_N_ELEMENTS(picks); i++) {
-    tc_volume *v = load(folder, picks[i].suffix);
+    g_autoptr(tc_volume) v = load(folder, picks[i].suffix);
     check_series(v, picks[i].slices);
     if (i == 0) assert_non_null(strstr(tc_volume_describe(v)->note, "2 series"));
-    tc_volume_unref(v);
   }
   assert_int_equal(refused(folder, "3"), TC_ERROR_NOT_FOUND);
   assert_int_equal(refused(folder, "9.9.9"), TC_ERROR_NOT_FOUND);
   remove_tree(folder);
-  g_free(folder);
 }
 
 TEST(a_zip) {
@@ -314,7 +312,7 @@ TEST(tiles_are_no_volume) {
 }
 
 TEST(different_slopes_become_float) {
-  char *folder = temp_folder();
+  g_autofree char *folder = temp_folder();
   int16_t pixels[PIXELS];
   static const char *const slopes[2] = {"0.5", "2"};
   for (int z = 0; z < 2; z++) {
@@ -338,7 +336,6 @@ TEST(different_slopes_become_float) {
       assert_true(f[z * PIXELS + i] == (float)(value_of(z, i) * (z ? 2.0 : 0.5) + 1));
   tc_volume_unref(v);
   remove_tree(folder);
-  g_free(folder);
 }
 
 TEST(what_is_missing_is_said) {
@@ -521,7 +518,7 @@ TEST(not_there_and_not_ours) {
 }
 
 TEST(limits_and_helpers) {
-  char *folder = temp_folder();
+  g_autofree char *folder = temp_folder();
   GError *error = NULL;
   write_series(folder, "1.2.3.1", 1, SLICES);
   tc_import_options options = {.helpers = TC_BINARY_DIR, .max_voxel_bytes = PIXELS * SLICES * 2 - 1};
@@ -547,7 +544,6 @@ TEST(limits_and_helpers) {
   assert_non_null(v);
   tc_volume_unref(v);
   remove_tree(folder);
-  g_free(folder);
 }
 
 typedef struct watcher {
@@ -563,7 +559,7 @@ static bool watch(void *user, double fraction) {
 }
 
 TEST(progress_and_cancel) {
-  char *folder = temp_folder();
+  g_autofree char *folder = temp_folder();
   GError *error = NULL;
   write_series(folder, "1.2.3.1", 1, SLICES);
   watcher w = {.stop_after = -1};
@@ -580,7 +576,6 @@ TEST(progress_and_cancel) {
     g_clear_error(&error);
   }
   remove_tree(folder);
-  g_free(folder);
 }
 
 static bool for_a_while(void *user, double fraction) { return ++*(int *)user < 20; }

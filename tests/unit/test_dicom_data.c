@@ -7,6 +7,7 @@
 
 #include "renderer/import/helper.h"
 #include "tests/support/dicom_files.h"
+#include "tests/support/scoped.h"
 
 static const tc_import_options with_helper = {.helpers = TC_BINARY_DIR};
 static char *unpacked; /* where the archives are; NULL: no data */
@@ -21,10 +22,9 @@ static bool run(const char *const argv[]) {
 }
 
 static bool unpack(const char *data, const char *archive) {
-  char *path = g_build_filename(data, archive, NULL);
+  g_autofree char *path = g_build_filename(data, archive, NULL);
   const char *argv[] = {"tar", "xzf", path, "-C", unpacked, NULL};
   bool ok = g_file_test(path, G_FILE_TEST_EXISTS) && run(argv);
-  g_free(path);
   return ok;
 }
 
@@ -121,7 +121,7 @@ static void check_set(const expectation *want) {
     return;
   }
   assert_true(g_file_test(path, G_FILE_TEST_IS_DIR) || tc_helper_for(path) == TC_HELPER_DICOM);
-  tc_volume *v = tc_helper_load(TC_HELPER_DICOM, path, want->series, &with_helper, &error);
+  g_autoptr(tc_volume) v = tc_helper_load(TC_HELPER_DICOM, path, want->series, &with_helper, &error);
   if (!v) fail_msg("%s: %s", want->path, error->message);
   const tc_volume_desc *d = tc_volume_describe(v);
   for (int k = 0; k < 3; k++)
@@ -132,7 +132,6 @@ static void check_set(const expectation *want) {
     fail_msg("%s: %d frames, %s, %s, slope %g %g", want->path, d->frames, tc_voxel_type_name(d->type), d->modality,
              d->slope, d->intercept);
   assert_true(tc_volume_statistics(v)->max > tc_volume_statistics(v)->min);
-  tc_volume_unref(v);
   g_free(path);
 }
 
@@ -192,7 +191,7 @@ TEST(transfer_syntaxes) {
                                      {"JPEGProcess1T", 70}};
   if (!unpacked) skip();
   char *folder = find("/dicom/dicom_syntaxes"), *plain = g_build_filename(folder, "CTImage.dcm", NULL);
-  tc_volume *reference = open_or_fail(plain);
+  g_autoptr(tc_volume) reference = open_or_fail(plain);
   size_t seen = 0;
   GDir *dir = g_dir_open(folder, 0, NULL);
   assert_non_null(dir);
@@ -209,7 +208,6 @@ TEST(transfer_syntaxes) {
     }
   g_dir_close(dir);
   assert_int_equal(seen, G_N_ELEMENTS(packings));
-  tc_volume_unref(reference);
   g_free(folder);
   g_free(plain);
 }
@@ -218,19 +216,16 @@ TEST(frames_in_five_syntaxes) {
   static const char *const same[] = {"emri_small_big_endian", "emri_small_RLE", "emri_small_jpeg_2k_lossless",
                                      "emri_small_jpeg_ls_lossless"};
   if (!unpacked) skip();
-  char *plain = find("/dicom/enh_multiframe/emri_small.dcm");
-  tc_volume *reference = open_or_fail(plain);
+  g_autofree char *plain = find("/dicom/enh_multiframe/emri_small.dcm");
+  g_autoptr(tc_volume) reference = open_or_fail(plain);
   for (size_t i = 0; i < G_N_ELEMENTS(same); i++) {
     char *name = g_strdup_printf("/dicom/enh_multiframe/%s.dcm", same[i]), *path = find(name);
-    tc_volume *v = open_or_fail(path);
+    g_autoptr(tc_volume) v = open_or_fail(path);
     assert_int_equal(tc_volume_bytes(v), tc_volume_bytes(reference));
     assert_memory_equal(tc_volume_data(v), tc_volume_data(reference), tc_volume_bytes(v));
-    tc_volume_unref(v);
     g_free(name);
     g_free(path);
   }
-  tc_volume_unref(reference);
-  g_free(plain);
 }
 
 /* ---- odd files ---- */
@@ -260,7 +255,7 @@ TEST(odd_files) {
                                          "DICOMDIR-empty.dcm",
                                          "DICOMDIR-nooffset"};
   if (!unpacked) skip();
-  char *folder = find("odd/dicom");
+  g_autofree char *folder = find("odd/dicom");
   size_t seen = 0, wanted = 0;
   GDir *dir = g_dir_open(folder, 0, NULL);
   assert_non_null(dir);
@@ -283,20 +278,18 @@ TEST(odd_files) {
   }
   g_dir_close(dir);
   assert_true(seen > 40 && wanted == G_N_ELEMENTS(must_load) + G_N_ELEMENTS(must_not));
-  g_free(folder);
 }
 
 /* Everything at once: one bad file must not spoil the rest. */
 TEST(a_folder_of_odd_files) {
   if (!unpacked) skip();
-  char *folder = find("odd");
+  g_autofree char *folder = find("odd");
   tc_series *series;
   size_t count;
   GError *error = NULL;
   if (!tc_helper_list(folder, &with_helper, &series, &count, &error)) fail_msg("%s", error->message);
   assert_true(count > 15);
   g_free(series);
-  g_free(folder);
 }
 
 /* ---- against dcm2niix ---- */

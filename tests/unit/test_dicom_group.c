@@ -149,12 +149,11 @@ TEST_WITH(segmentations_stay_together, set_up, NULL) {
 
 static int chosen(unsigned wanted, const char *trouble) {
   tc_dicom_groups groups;
-  GError *error = NULL;
+  g_autoptr(GError) error = NULL;
   tc_dicom_groups_make(s, (size_t)n, &groups);
   int g = tc_dicom_groups_choose(&groups, wanted, &error);
   assert_true((g < 0) == (trouble != NULL));
   if (trouble && !strstr(error->message, trouble)) fail_msg("%s", error->message);
-  g_clear_error(&error);
   tc_dicom_groups_finish(&groups);
   return g;
 }

@@ -4,6 +4,7 @@
 
 #include "renderer/import/helper.h"
 #include "tests/support/dicom_files.h"
+#include "tests/support/scoped.h"
 
 enum { TILE = 4, ACROSS = 3, SIDE = TILE * ACROSS, SLICES = 7, TIMES = 2 };
 
@@ -75,7 +76,7 @@ static void check_volume(const char *folder, int time) {
   char choice[16];
   GError *error = NULL;
   snprintf(choice, sizeof choice, "volume=%d", time);
-  tc_volume *v = tc_helper_load(TC_HELPER_DICOM, folder, choice, &with_helper, &error);
+  g_autoptr(tc_volume) v = tc_helper_load(TC_HELPER_DICOM, folder, choice, &with_helper, &error);
   if (!v) fail_msg("%s", error->message);
   const tc_volume_desc *d = tc_volume_describe(v);
   assert_int_equal(d->frames, TIMES);
@@ -85,16 +86,14 @@ static void check_volume(const char *folder, int time) {
     tc_volume_index_to_lps(v, index, p);
     if (fabs(((const int16_t *)tc_volume_data(v))[i] - field(p, time)) > 0.51) fail_msg("time %d: voxel %d", time, i);
   }
-  tc_volume_unref(v);
 }
 
 TEST(slices_come_apart) {
   for (int up = 1; up >= -1; up -= 2) {
-    char *folder = temp_folder();
+    g_autofree char *folder = temp_folder();
     for (int time = 1; time <= TIMES; time++) write_time(folder, time, "7", up);
     for (int time = 1; time <= TIMES; time++) check_volume(folder, time);
     remove_tree(folder);
-    g_free(folder);
   }
 }
 

@@ -97,7 +97,7 @@ static void check_voxels(const char *what, const tc_volume *v, int volume) {
 }
 
 static void check_case(const char *what, const nasty *c) {
-  char *folder = temp_folder();
+  g_autofree char *folder = temp_folder();
   GError *error = NULL;
   for (guint i = 0; i < c->shots->len; i++) write_shot(folder, c, &g_array_index(c->shots, shot, i), i);
   tc_volume *v = tc_helper_load(TC_HELPER_DICOM, folder, NULL, &with_helper, &error);
@@ -127,7 +127,6 @@ static void check_case(const char *what, const nasty *c) {
     tc_volume_unref(v);
   }
   remove_tree(folder);
-  g_free(folder);
 }
 
 /* ---- making ---- */

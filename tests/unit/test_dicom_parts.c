@@ -149,9 +149,8 @@ static void read_all_members(const uint8_t *bytes, size_t size) {
   if (!tc_dicom_zip_open(&zip, bytes, size, NULL)) return;
   for (size_t i = 0; i < zip.count; i++) {
     size_t got, want = zip.members[i].size < 4096 ? zip.members[i].size : 4096;
-    uint8_t *out = g_malloc(want + 1);
+    g_autofree uint8_t *out = g_malloc(want + 1);
     tc_dicom_zip_read(&zip, i, out, want, &got, NULL);
-    g_free(out);
   }
   tc_dicom_zip_finish(&zip);
 }
@@ -159,20 +158,17 @@ static void read_all_members(const uint8_t *bytes, size_t size) {
 TEST(damaged_zips_are_errors) {
   GByteArray *b = small_zip();
   for (guint n = 0; n < b->len; n++) { /* no prefix is a zip; the copy is exact so that an over-read is seen */
-    uint8_t *cut = g_memdup2(b->data, n);
+    g_autofree uint8_t *cut = g_memdup2(b->data, n);
     tc_dicom_zip zip;
-    GError *error = NULL;
+    g_autoptr(GError) error = NULL;
     assert_false(tc_dicom_zip_open(&zip, cut, n, &error));
     assert_non_null(error);
-    g_error_free(error);
-    g_free(cut);
   }
   for (guint n = 0; n < b->len; n++)
     for (int bit = 0; bit < 8; bit++) {
-      uint8_t *bad = g_memdup2(b->data, b->len);
+      g_autofree uint8_t *bad = g_memdup2(b->data, b->len);
       bad[n] ^= (uint8_t)(1 << bit);
       read_all_members(bad, b->len);
-      g_free(bad);
     }
   g_byte_array_free(b, TRUE);
 }
@@ -287,9 +283,8 @@ TEST(a_volume_crosses_the_wire) {
   assert_int_equal(error->code, TC_ERROR_LIMIT);
   g_error_free(error);
   for (size_t cut = 0; cut < n; cut++) {
-    uint8_t *part = g_memdup2(bytes, cut);
+    g_autofree uint8_t *part = g_memdup2(bytes, cut);
     assert_null(hear(part, cut, 0, NULL));
-    g_free(part);
   }
 }
 
@@ -320,10 +315,9 @@ TEST(lies_about_the_volume_are_refused) {
     if (lie == 17) from.slices_found = -1;
     if (lie == 18) strcpy(d.format, "a b");
     size_t n = say(bytes, sizeof bytes, &d, &from, voxels);
-    GError *error = NULL;
+    g_autoptr(GError) error = NULL;
     if (hear(bytes, n, 0, &error)) fail_msg("lie %d was believed", lie);
     assert_non_null(error);
-    g_error_free(error);
   }
 }
 
@@ -335,11 +329,10 @@ TEST(text_from_the_helper_is_tamed) {
   close(fd[1]);
   ssize_t n = read(fd[0], bytes, sizeof bytes);
   close(fd[0]);
-  GError *error = NULL;
+  g_autoptr(GError) error = NULL;
   assert_null(hear(bytes, (size_t)n, 0, &error));
   assert_int_equal(error->code, TC_ERROR_FORMAT); /* only codes about files pass */
   assert_string_equal(error->message, "two?lines ?[31m?");
-  g_error_free(error);
 }
 
 TEST(slots_that_are_none_are_refused) {
@@ -349,7 +342,7 @@ TEST(slots_that_are_none_are_refused) {
     uint8_t bytes[2048];
     tc_volume_desc desc = small_desc();
     int fd[2];
-    GError *error = NULL;
+    g_autoptr(GError) error = NULL;
     assert_int_equal(pipe(fd), 0);
     assert_true(tc_wire_send_head(fd[1], &desc, &small_from));
     assert_true(tc_wire_send_voxels(fd[1], lies[i].slot, lies[i].bytes));
@@ -359,7 +352,6 @@ TEST(slots_that_are_none_are_refused) {
     close(fd[0]);
     assert_null(hear(bytes, (size_t)n, 0, &error));
     assert_int_equal(error->code, TC_ERROR_FORMAT);
-    g_error_free(error);
   }
 }
 
@@ -370,10 +362,9 @@ TEST(the_caller_can_cancel) {
   tc_volume_desc desc = small_desc();
   memory m = {bytes, say(bytes, sizeof bytes, &desc, &small_from, 24), 0};
   tc_wire_reader reader = {.read = read_memory, .user = &m, .reply = no_reply, .ring = ring, .tick = never};
-  GError *error = NULL;
+  g_autoptr(GError) error = NULL;
   assert_null(tc_wire_load(&reader, &error));
   assert_int_equal(error->code, TC_ERROR_CANCELLED);
-  g_error_free(error);
 }
 
 TESTS(NULL, NULL)

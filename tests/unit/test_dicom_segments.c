@@ -4,6 +4,7 @@
 #include "renderer/import/helper/dicom_contours.h"
 #include "renderer/import/import.h"
 #include "tests/support/dicom_files.h"
+#include "tests/support/scoped.h"
 
 /* ---- making files ---- */
 
@@ -98,11 +99,10 @@ static GByteArray *seg_bytes(const seg *s) {
 }
 
 static tc_volume *try_bytes(GByteArray *bytes, const char *name, GError **error) {
-  char *path = g_build_filename(folder, name, NULL);
+  g_autofree char *path = g_build_filename(folder, name, NULL);
   assert_true(g_file_set_contents(path, (const char *)bytes->data, bytes->len, NULL));
   tc_volume *v = tc_import(path, &(tc_import_options){.helpers = TC_BINARY_DIR}, error);
   g_byte_array_free(bytes, TRUE);
-  g_free(path);
   return v;
 }
 
@@ -134,7 +134,7 @@ TEST(overlapping_segments_are_kept) {
   static const uint8_t bits[] = {0x03, 0x00, 0x06, 0x00, 0x01, 0x00, 0x01, 0x00, 0x01, 0x80};
   static const double z[] = {0, 0, 2, 2, 2};
   static const unsigned segments[] = {2, 1, 3, 1, 2};
-  tc_volume *v = open_bytes(seg_bytes(&(seg){"BINARY", NULL, 4, 1, 5, z, segments, bits, sizeof bits}), "overlap.dcm");
+  g_autoptr(tc_volume) v = open_bytes(seg_bytes(&(seg){"BINARY", NULL, 4, 1, 5, z, segments, bits, sizeof bits}), "overlap.dcm");
   size_t count;
   const tc_segment *s = tc_volume_segments(v, &count);
   assert_int_equal(tc_volume_describe(v)->type, TC_U8);
@@ -152,17 +152,15 @@ TEST(overlapping_segments_are_kept) {
   const tc_provenance *from = tc_volume_provenance(v);
   assert_string_equal(from->description, "Segmentation");
   assert_string_equal(from->time, "14:03:22");
-  tc_volume_unref(v);
 }
 
 TEST(label_maps) {
   static const uint8_t labels[] = {0, 1, 2, 0, 3, 0, 0, 0, 0};
   static const double z[] = {5};
   static const unsigned none[] = {0};
-  tc_volume *v = open_bytes(seg_bytes(&(seg){"LABELMAP", NULL, 3, 8, 1, z, none, labels, 9}), "map.dcm");
+  g_autoptr(tc_volume) v = open_bytes(seg_bytes(&(seg){"LABELMAP", NULL, 3, 8, 1, z, none, labels, 9}), "map.dcm");
   assert_true(voxel(v, 1, 0, 0) == 1 && voxel(v, 2, 0, 0) == 2 && voxel(v, 1, 1, 0) == 3);
   assert_string_equal(tc_volume_segment(v, 1)->name, "Leber");
-  tc_volume_unref(v);
 }
 
 /* Labels where a fraction is at least half, said; the fractions themselves as a volume for each segment. */
@@ -177,7 +175,7 @@ TEST(fractions_are_kept) {
   assert_non_null(strstr(tc_volume_describe(v)->note, "volume 1 of 3: labels"));
   assert_int_equal(tc_volume_describe(v)->frames, 3);
   tc_volume_unref(v);
-  char *path = g_strdup_printf("%s/part.dcm#volume=2", folder);
+  g_autofree char *path = g_strdup_printf("%s/part.dcm#volume=2", folder);
   v = tc_import(path, &(tc_import_options){.helpers = TC_BINARY_DIR}, NULL);
   assert_non_null(v);
   const tc_volume_desc *d = tc_volume_describe(v);
@@ -198,7 +196,6 @@ TEST(fractions_are_kept) {
   assert_int_equal(tc_volume_describe(v)->dims[2], 1);
   assert_float_equal(voxel(v, 0, 1, 0) * tc_volume_describe(v)->slope, 128 / 255.0, 1e-9);
   tc_volume_unref(v);
-  g_free(path);
 }
 
 /* ---- structure sets ---- */
@@ -268,16 +265,15 @@ static size_t count_of(const tc_volume *v, uint32_t segment, int z) {
 
 TEST(contours_far_away_are_refused) {
   static const ring far = {1, 2e9, 20, 40, 0};
-  GError *error = NULL;
+  g_autoptr(GError) error = NULL;
   assert_null(try_bytes(structures(&far, 1, "1.2.3.1"), "far.dcm", &error));
   assert_true(g_error_matches(error, TC_ERROR, TC_ERROR_FORMAT) && strstr(error->message, "over a kilometre away"));
-  g_clear_error(&error);
 }
 
 /* Areas of discs and of a disc with a hole, on a grid of their planes, against pi r^2. */
 TEST(contours_fill_their_area) {
   static const ring rings[] = {{1, 10, 20, 40, 0}, {1, 10, 20, 40, 3}, {1, 10, 20, 40, 6}, {2, 10, 20, 30, 3}, {2, 10, 20, 20, 3}};
-  tc_volume *v = open_bytes(structures(rings, 5, "1.2.3.1"), "rt.dcm");
+  g_autoptr(tc_volume) v = open_bytes(structures(rings, 5, "1.2.3.1"), "rt.dcm");
   const tc_volume_desc *d = tc_volume_describe(v);
   const double pixel = d->spacing[0] * d->spacing[1];
   assert_int_equal(d->dims[2], 3);
@@ -287,7 +283,6 @@ TEST(contours_fill_their_area) {
   assert_true(count_of(v, 2, 0) == 0 && count_of(v, 2, 2) == 0);
   assert_string_equal(tc_volume_segment(v, 1)->name, "PTV");
   assert_color(tc_volume_segment(v, 2), 0, 0.5, 1);
-  tc_volume_unref(v);
 }
 
 /* On the grid of the series they were drawn on: which voxels, one by one, against the distance from the centre. */
@@ -348,7 +343,7 @@ TEST(layers_of_slicer) {
   GByteArray *b = g_byte_array_new();
   g_byte_array_append(b, (const guint8 *)head, sizeof head - 1);
   g_byte_array_append(b, voxels, sizeof voxels);
-  tc_volume *v = open_bytes(b, "layers.seg.nrrd");
+  g_autoptr(tc_volume) v = open_bytes(b, "layers.seg.nrrd");
   static const uint32_t of[6][2] = {{0, 0}, {1, 0}, {1, 2}, {3, 0}, {2, 3}, {2, 0}};
   for (int i = 0; i < 6; i++) {
     const uint32_t label = (uint32_t)voxel(v, i % 3, i / 3, 0);
@@ -359,7 +354,6 @@ TEST(layers_of_slicer) {
   assert_string_equal(tc_volume_segment(v, 2)->name, "tumour");
   assert_color(tc_volume_segment(v, 1), 0.8, 0.4, 0.2);
   assert_int_equal(tc_volume_describe(v)->frames, 1);
-  tc_volume_unref(v);
 }
 
 /* ---- combinations ---- */

@@ -187,23 +187,21 @@ TEST(varying_steps_are_resampled) {
 TEST(shared_positions_are_no_stack) {
   tc_dicom_slice s[6];
   tc_dicom_stack stack;
-  GError *error = NULL;
+  g_autoptr(GError) error = NULL;
   axial(s, 6, 3);
   s[3].position[2] = s[2].position[2];
   assert_false(make(s, 6, &stack, &error));
   assert_non_null(strstr(error->message, "share a position"));
-  g_error_free(error);
 }
 
 TEST(off_the_line) {
   tc_dicom_slice s[10];
   tc_dicom_stack stack;
-  GError *error = NULL;
+  g_autoptr(GError) error = NULL;
   axial(s, 10, 3);
   s[5].position[0] += 20;
   assert_false(make(s, 10, &stack, &error));
   assert_non_null(strstr(error->message, "straight line"));
-  g_error_free(error);
 }
 
 TEST(without_positions) {

@@ -4,15 +4,15 @@
 
 #include "renderer/import/helper.h"
 #include "tests/support/dicom_files.h"
+#include "tests/support/scoped.h"
 
 enum { COLUMNS = 6, ROWS = 4, PIXELS = COLUMNS * ROWS };
 
 static tc_volume *try_bytes(GByteArray *bytes, GError **error) {
-  char *path = g_build_filename(folder, "one.dcm", NULL);
+  g_autofree char *path = g_build_filename(folder, "one.dcm", NULL);
   assert_true(g_file_set_contents(path, (const char *)bytes->data, bytes->len, NULL));
   tc_volume *v = tc_import(path, &(tc_import_options){.helpers = TC_BINARY_DIR}, error);
   g_byte_array_free(bytes, TRUE);
-  g_free(path);
   return v;
 }
 
@@ -24,15 +24,14 @@ static tc_volume *open_bytes(const char *what, GByteArray *bytes) {
 }
 
 static void refuse_bytes(GByteArray *bytes, int code, const char *text) {
-  GError *error = NULL;
+  g_autoptr(GError) error = NULL;
   assert_null(try_bytes(bytes, &error));
   if (error->code != code || !strstr(error->message, text)) fail_msg("[%d] %s", error->code, error->message);
-  g_error_free(error);
 }
 
 /* Stored values are `pixels` of so many bits. */
 static void check_pixels(const char *what, GByteArray *bytes, const uint32_t *pixels, double scale) {
-  tc_volume *v = open_bytes(what, bytes);
+  g_autoptr(tc_volume) v = open_bytes(what, bytes);
   const tc_volume_desc *d = tc_volume_describe(v);
   assert_true(d->dims[0] == COLUMNS && d->dims[1] == ROWS && d->dims[2] == 1);
   for (int i = 0; i < PIXELS; i++) {
@@ -40,7 +39,6 @@ static void check_pixels(const char *what, GByteArray *bytes, const uint32_t *pi
     assert_true(tc_volume_value_at(v, (double[]){i % COLUMNS, (double)(i / COLUMNS), 0}, &value));
     if (fabs(value - pixels[i] * scale) > 1e-6 * pixels[i] * scale) fail_msg("%s: pixel %d is %g", what, i, value);
   }
-  tc_volume_unref(v);
 }
 
 static dicom_spec spec_of(unsigned bits, unsigned samples, const void *pixels) {
@@ -350,14 +348,13 @@ TEST(wide_colours_are_colours) {
   uint16_t pixels[3 * PIXELS];
   for (int i = 0; i < PIXELS; i++) pixels[3 * i] = 51 * 257, pixels[3 * i + 1] = 65535, pixels[3 * i + 2] = 300;
   dicom_spec s = spec_of(16, 3, pixels);
-  tc_volume *v = open_bytes("RGB", dicom_bytes(&s));
+  g_autoptr(tc_volume) v = open_bytes("RGB", dicom_bytes(&s));
   size_t count;
   const tc_segment *color = tc_volume_segments(tc_volume_colors(v), &count);
   assert_int_equal(count, 1);
   assert_true(lroundf(color->color[0] * 255) == 51 && lroundf(color->color[1] * 255) == 255 &&
               lroundf(color->color[2] * 255) == 1);
   assert_int_equal(((const uint8_t *)tc_volume_data(v))[0], 193); /* .2126 * 51 + .7152 * 255 + .0722 */
-  tc_volume_unref(v);
 }
 
 TEST(an_absurd_place) {

@@ -155,10 +155,9 @@ TEST_WITH(png_is_exact, set_up, tear_down) {
   fixture *f = *state;
   f->scene.image.format = TC_FORMAT_PNG;
   encode(f, 0);
-  uint8_t *pixels = decode_png(f, SPNG_COLOR_TYPE_TRUECOLOR);
+  g_autofree uint8_t *pixels = decode_png(f, SPNG_COLOR_TYPE_TRUECOLOR);
   for (int i = 0; i < WIDTH * HEIGHT; i++)
     assert_memory_equal(pixels + 3 * i, f->frame.rgba + 4 * i, 3);
-  g_free(pixels);
 }
 
 TEST_WITH(transparent_png_is_exact, set_up, tear_down) {
@@ -166,21 +165,19 @@ TEST_WITH(transparent_png_is_exact, set_up, tear_down) {
   f->scene.image.format = TC_FORMAT_PNG;
   f->scene.image.transparent = true;
   encode(f, 0);
-  uint8_t *pixels = decode_png(f, SPNG_COLOR_TYPE_TRUECOLOR_ALPHA);
+  g_autofree uint8_t *pixels = decode_png(f, SPNG_COLOR_TYPE_TRUECOLOR_ALPHA);
   assert_memory_equal(pixels, f->frame.rgba, WIDTH * HEIGHT * 4);
-  g_free(pixels);
 }
 
 TEST_WITH(refuses_transparent_jpeg, set_up, tear_down) {
   fixture *f = *state;
-  GError *error = NULL;
+  g_autoptr(GError) error = NULL;
   f->scene.image.transparent = true;
   g_byte_array_append(f->out, (const guint8 *)"old", 3);
   assert_false(tcs_encode(f->encoder, &f->frame, &f->scene, 0, f->out, &error));
   assert_true(g_error_matches(error, TC_ERROR, TC_ERROR_INVALID));
   assert_string_equal(tc_error_pointer(error), "/image/background");
   assert_int_equal(f->out->len, 0);
-  g_error_free(error);
 }
 
 /* One encoder, pictures of growing and shrinking size: the scratch buffer must follow. */

@@ -6,6 +6,7 @@
 #include "renderer/export/export.h"
 #include "renderer/import/import.h"
 #include "tests/support/folder.h"
+#include "tests/support/scoped.h"
 
 
 static char *path_of(const char *name) { return g_build_filename(folder, name, NULL); }
@@ -70,20 +71,17 @@ TEST(volumes_come_back) {
                {TC_U16, 2, 7, TC_F32}, {TC_F32, 1e-3, 0.25, TC_F32}};
   for (size_t c = 0; c < G_N_ELEMENTS(cases); c++)
     for (size_t n = 0; n < G_N_ELEMENTS(names); n++) {
-      tc_volume *v = make(cases[c].type, cases[c].slope, cases[c].intercept);
-      char *path = path_of(names[n]);
+      g_autoptr(tc_volume) v = make(cases[c].type, cases[c].slope, cases[c].intercept);
+      g_autofree char *path = path_of(names[n]);
       GError *error = NULL;
       if (!tc_export_volume(v, path, names[n][0] == 'z', &error)) fail_msg("%s: %s", names[n], error->message);
-      tc_volume *back = tc_import(path, NULL, &error);
+      g_autoptr(tc_volume) back = tc_import(path, NULL, &error);
       if (!back) fail_msg("%s: %s", names[n], error->message);
       check_same(v, back, names[n]);
       bool nifti = n >= 3;
       assert_int_equal(tc_volume_describe(back)->type, nifti ? cases[c].type : cases[c].values);
       if (n < 2) assert_string_equal(tc_volume_describe(back)->modality, "CT");
       g_remove(path);
-      g_free(path);
-      tc_volume_unref(v);
-      tc_volume_unref(back);
     }
 }
 
@@ -113,7 +111,7 @@ static char *write_mesh(const tc_mesh *m, const char *name, bool ascii, gsize *s
 
 TEST(ply_holds_the_mesh) {
   for (int far = 0; far < 2; far++) {
-    tc_mesh *m = tetrahedron(far ? 1e7 + 0.0625 : 0.0625);
+    g_autoptr(tc_mesh) m = tetrahedron(far ? 1e7 + 0.0625 : 0.0625);
     gsize size;
     char *bytes = write_mesh(m, "m.ply", false, &size), *body = strstr(bytes, "end_header\n");
     assert_non_null(body);
@@ -136,12 +134,11 @@ TEST(ply_holds_the_mesh) {
     assert_non_null(strstr(bytes, "format ascii 1.0"));
     assert_non_null(strstr(bytes, "\n3 1 2 3\n"));
     g_free(bytes);
-    tc_mesh_free(m);
   }
 }
 
 TEST(stl_and_obj_hold_the_mesh) {
-  tc_mesh *m = tetrahedron(2);
+  g_autoptr(tc_mesh) m = tetrahedron(2);
   gsize size;
   char *bytes = write_mesh(m, "m.stl", false, &size);
   uint32_t count;
@@ -159,13 +156,12 @@ TEST(stl_and_obj_hold_the_mesh) {
   assert_non_null(strstr(bytes, "\nv 1 2 0\n"));
   assert_non_null(strstr(bytes, "\nf 2//2 3//3 4//4\n"));
   g_free(bytes);
-  tc_mesh_free(m);
 }
 
 /* ---- failures ---- */
 
 TEST(a_failure_keeps_what_was_there) {
-  tc_volume *v = make(TC_U8, 1, 0);
+  g_autoptr(tc_volume) v = make(TC_U8, 1, 0);
   char *path = path_of("taken.nrrd"), *inside = g_build_filename(path, "kept", NULL);
   GError *error = NULL;
   assert_int_equal(g_mkdir(path, 0700), 0); /* a folder of that name cannot be replaced */
@@ -185,7 +181,6 @@ TEST(a_failure_keeps_what_was_there) {
   g_rmdir(path);
   g_free(inside);
   g_free(path);
-  tc_volume_unref(v);
 }
 
 TESTS(make_folder, remove_folder)

@@ -6,6 +6,7 @@
 #include "renderer/tomocast.h"
 #include "renderer/volume/body.h"
 #include "renderer/volume/values.h"
+#include "tests/support/scoped.h"
 
 #define SIDE 64
 #define AIR -1000
@@ -132,18 +133,16 @@ TEST(without_units_only_what_is_behind_is_a_table) {
   const phantom all[] = {leafy, mask, fainter};
   const char *const modality[] = {"", "", "MR"};
   for (size_t i = 0; i < sizeof all / sizeof *all; i++) {
-    tc_volume *whole = filled_as(all[i], 1, modality[i], 0);
+    g_autoptr(tc_volume) whole = filled_as(all[i], 1, modality[i], 0);
     assert_null(body_of(whole));
-    tc_volume_unref(whole);
   }
 }
 
 static int16_t nobody(int x, int y, int z) { return within(x, y, 32, 32, 20) ? FLESH + (x + y + z) % 400 : AIR; }
 
 TEST(who_lies_on_nothing_is_left_alone) {
-  tc_volume *whole = filled(nobody, 1);
+  g_autoptr(tc_volume) whole = filled(nobody, 1);
   assert_null(body_of(whole));
-  tc_volume_unref(whole);
 }
 
 static bool never(void *user) { return false; }
@@ -154,7 +153,7 @@ static bool refused(void *user, uint64_t bytes) {
 }
 
 TEST(it_stops_and_takes_no_memory_unasked) {
-  tc_volume *whole = filled(patient, 1);
+  g_autoptr(tc_volume) whole = filled(patient, 1);
   tc_fit fit;
   tc_fit_find(&fit, whole);
   assert_null(tc_fit_body(&fit, whole, never, NULL, NULL));
@@ -163,15 +162,13 @@ TEST(it_stops_and_takes_no_memory_unasked) {
   uint64_t bytes = 0;
   assert_null(tc_fit_body(&fit, whole, NULL, refused, &bytes));
   assert_in_range(bytes, 1, tc_volume_bytes(whole));
-  tc_volume_unref(whole);
 }
 
 static int16_t noise(int x, int y, int z) { return (x + y + z) % 2 ? FLESH : AIR; }
 
 TEST(too_many_parts_are_not_told_apart) {
-  tc_volume *whole = filled(noise, 1);
+  g_autoptr(tc_volume) whole = filled(noise, 1);
   assert_null(body_of(whole));
-  tc_volume_unref(whole);
 }
 
 /* Unsigned voxels, padded with one far value, as the bunny is. */
@@ -189,23 +186,21 @@ static tc_volume *padded(void) {
 }
 
 TEST(padding_counts_for_nothing) {
-  tc_volume *v = padded();
+  g_autoptr(tc_volume) v = padded();
   tc_fit fit;
   tc_fit_find(&fit, v);
   print_message("range %g to %g, parted at %g\n", fit.stretch.low, fit.stretch.high, fit.stretch.middle);
   assert_true(fit.stretch.low == 0 && fit.stretch.high == 2099);
   assert_true(fit.surface > 99 && fit.surface <= 2000);
-  tc_volume *body = tc_fit_body(&fit, v, NULL, NULL, NULL);
+  g_autoptr(tc_volume) body = tc_fit_body(&fit, v, NULL, NULL, NULL);
   assert_non_null(body);
   for (int i = 0; i < SIDE * SIDE * 8; i++) assert_true(((const uint16_t *)tc_volume_data(body))[i] < 2100);
-  tc_volume_unref(body);
-  tc_volume_unref(v);
 }
 
 TEST(floats_have_padding_too) {
   const tc_volume_desc d = {.dims = {SIDE, SIDE, 1}, .type = TC_F32, .spacing = {1, 1, 1},
                             .direction = {1, 0, 0, 0, 1, 0, 0, 0, 1}, .slope = 1};
-  tc_volume *v = tc_volume_new(&d, NULL);
+  g_autoptr(tc_volume) v = tc_volume_new(&d, NULL);
   float *p = tc_volume_voxels(v);
   for (int i = 0; i < SIDE * SIDE; i++) p[i] = i % 7 ? (float)(i % 1000) / 1000 : -3.4e28f;
   tc_volume_seal(v);
@@ -215,18 +210,16 @@ TEST(floats_have_padding_too) {
   print_message("range %g to %g\n", low, high);
   assert_true(low > -0.1 && low < 0.1 && high > 0.9 && high < 1.1);
   tc_values_free(values);
-  tc_volume_unref(v);
 }
 
 /* Of masks both ends are values, not padding. */
 TEST(masks_have_none) {
-  tc_volume *v = filled(mask, 1);
+  g_autoptr(tc_volume) v = filled(mask, 1);
   tc_values *values = tc_values_of(v);
   double low, high;
   tc_values_range(values, &low, &high);
   assert_true(low == 0 && high == 1);
   tc_values_free(values);
-  tc_volume_unref(v);
 }
 
 TEST(a_picture_depends_on_no_size) {
@@ -257,7 +250,7 @@ TEST(values_without_a_unit_are_fitted) {
   const phantom all[] = {brain, loud_brain};
   double first[2], last[2];
   for (int i = 0; i < 2; i++) {
-    tc_volume *v = filled_as(all[i], 1, "MR", 0);
+    g_autoptr(tc_volume) v = filled_as(all[i], 1, "MR", 0);
     tc_fit fit;
     tc_fit_find(&fit, v);
     tc_transfer_function tf = {0};
@@ -265,7 +258,6 @@ TEST(values_without_a_unit_are_fitted) {
     assert_true(tc_transfer_function_fit_preset(&tf, fit.preset, &fit.stretch));
     first[i] = tf.points[0].value, last[i] = tf.points[tf.count - 1].value;
     g_free(tf.points);
-    tc_volume_unref(v);
   }
   print_message("%g to %g, %g to %g\n", first[0], last[0], first[1], last[1]);
   assert_true(fabs(first[1] / first[0] - 10) < 0.5 && fabs(last[1] / last[0] - 10) < 0.5);
@@ -276,13 +268,12 @@ TEST(values_without_a_unit_are_fitted) {
 TEST(a_window_that_shows_nothing_is_not_taken) {
   const double width[] = {8, 400};
   for (int i = 0; i < 2; i++) {
-    tc_volume *v = filled_as(brain, 1, "MR", width[i]);
+    g_autoptr(tc_volume) v = filled_as(brain, 1, "MR", width[i]);
     tc_fit fit;
     tc_fit_find(&fit, v);
     print_message("width %g: %g\n", width[i], fit.windows[TC_MODE_MPR].width);
     assert_true((fit.windows[TC_MODE_MPR].width == width[i]) == (width[i] == 400));
     assert_true(fit.windows[TC_MODE_MPR].center + 0.5 * fit.windows[TC_MODE_MPR].width > 200);
-    tc_volume_unref(v);
   }
 }
 
@@ -290,12 +281,11 @@ TEST(a_window_that_shows_nothing_is_not_taken) {
 static int16_t contained(int x, int y, int z) { return within(x, y, 32, 32, 14) ? 180 + x : 80 + (x + y + z) % 5; }
 
 TEST(what_is_at_the_walls_is_around) {
-  tc_volume *v = filled_as(contained, 1, "", 0);
+  g_autoptr(tc_volume) v = filled_as(contained, 1, "", 0);
   tc_fit fit;
   tc_fit_find(&fit, v);
   print_message("from %g on, parted at %g\n", fit.stretch.low, fit.stretch.middle);
   assert_true(fit.stretch.low >= 82 && fit.stretch.low < fit.stretch.middle);
-  tc_volume_unref(v);
 }
 
 static int16_t skull(int x, int y, int z) {
@@ -304,12 +294,11 @@ static int16_t skull(int x, int y, int z) {
 }
 
 TEST(heads_and_trunks_are_told_apart_by_bone) {
-  tc_volume *v = filled(skull, 1);
+  g_autoptr(tc_volume) v = filled(skull, 1);
   tc_fit fit;
   tc_fit_find(&fit, v);
   assert_string_equal(fit.preset, "ct-head");
   assert_true(tc_preset_named(fit.preset)->lit);
-  tc_volume_unref(v);
 }
 
 TEST(a_maximum_has_grey_in_it) {
@@ -339,7 +328,7 @@ TEST(a_maximum_has_grey_in_it) {
 TEST(windows_are_those_of_the_first_view) {
   const tc_volume_desc d = {.dims = {SIDE, SIDE, 4}, .type = TC_I16, .spacing = {1, 1, 1},
                             .direction = {1, 0, 0, 0, 1, 0, 0, 0, 1}, .slope = 1, .modality = "MR"};
-  tc_volume *v = tc_volume_new(&d, NULL);
+  g_autoptr(tc_volume) v = tc_volume_new(&d, NULL);
   int16_t *p = tc_volume_voxels(v);
   for (int i = 0; i < SIDE * SIDE * 4; i++) p[i] = within(i % SIDE, i / SIDE % SIDE, 32, 32, 20) ? 200 + i % 50 : i % 20;
   tc_volume_seal(v);
@@ -349,7 +338,6 @@ TEST(windows_are_those_of_the_first_view) {
   const double white = fit.windows[TC_MODE_AVERAGE].center + 0.5 * fit.windows[TC_MODE_AVERAGE].width;
   print_message("white from %g on\n", white);
   assert_true(white > 200 && white < 250);
-  tc_volume_unref(v);
 }
 
 TESTS(NULL, NULL)

@@ -2,6 +2,7 @@
 #include "tests/support/test.h"
 
 #include "renderer/volume/histogram.h"
+#include "tests/support/scoped.h"
 
 /* Negative ones too, in every type, with a slope that turns them over. */
 TEST(histograms_count_every_voxel) {
@@ -9,7 +10,7 @@ TEST(histograms_count_every_voxel) {
   for (int type = TC_U8; type < TC_VOXEL_TYPE_COUNT; type++) {
     const tc_volume_desc d = {.dims = {4, 1, 1}, .type = (tc_voxel_type)type, .spacing = {1, 1, 1},
                               .direction = {1, 0, 0, 0, 1, 0, 0, 0, 1}, .slope = -2};
-    tc_volume *v = tc_volume_new(&d, NULL);
+    g_autoptr(tc_volume) v = tc_volume_new(&d, NULL);
     const tc_voxel_type t = (tc_voxel_type)type;
     for (int i = 0; i < 4; i++) {
       const int value = values[type][i];
@@ -26,7 +27,6 @@ TEST(histograms_count_every_voxel) {
       wanted[at < 64 ? (int)at : 63]++;
     }
     assert_memory_equal(counts, wanted, sizeof counts);
-    tc_volume_unref(v);
   }
 }
 

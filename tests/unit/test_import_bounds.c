@@ -38,10 +38,9 @@ static GByteArray *bomb(int times) {
   static unsigned length;
   if (!length) {
     const unsigned size = 16u << 20;
-    uint8_t *zeros = g_malloc0(size);
+    g_autofree uint8_t *zeros = g_malloc0(size);
     length = sizeof one;
     assert_int_equal(BZ2_bzBuffToBuffCompress((char *)one, &length, (char *)zeros, size, 9, 0, 0), BZ_OK);
-    g_free(zeros);
   }
   GByteArray *all = g_byte_array_new();
   for (int i = 0; i < times; i++) g_byte_array_append(all, one, length);
@@ -77,12 +76,11 @@ TEST(frames_nobody_reads_are_hardly_decoded) {
   GError *error = NULL;
   write_bomb("frames.nrrd", "NRRD0004\ntype: uchar\ndimension: 4\nsizes: 4 4 4 20000000\n"
              "space: LPS\nspace directions: (1,0,0) (0,1,0) (0,0,1) none\nencoding: bzip2\n\n", 80);
-  tc_volume *volume = open_listening("frames.nrrd", &l, &error);
+  g_autoptr(tc_volume) volume = open_listening("frames.nrrd", &l, &error);
   assert_non_null(volume);
   print_message("asked %d times\n", l.asked);
   assert_in_range(l.asked, 64, 2000);
   assert_int_equal(l.bytes, 64);
-  tc_volume_unref(volume);
 }
 
 TEST(a_decoding_import_stops_when_told) {
@@ -106,7 +104,7 @@ TEST(a_decoding_import_stops_when_told) {
 TEST(empty_members_are_asked_about) {
   GByteArray *empty = deflated("", 0, true), *all = g_byte_array_new();
   while (all->len < 4 << 20) g_byte_array_append(all, empty->data, empty->len);
-  GByteArray *file = with_header(SIZES_4 "encoding: gzip\n\n", all);
+  g_autoptr(GByteArray) file = with_header(SIZES_4 "encoding: gzip\n\n", all);
   write_bytes("empty.nrrd", file);
   write_bytes("empty.nii.gz", all);
   listener l = {.stop_at = 8};
@@ -114,7 +112,6 @@ TEST(empty_members_are_asked_about) {
   assert_null(open_listening("empty.nrrd", &l, &error));
   expect(error, TC_ERROR_CANCELLED, "cancelled");
   open_bad("empty.nii.gz", TC_ERROR_FORMAT, "");
-  g_byte_array_unref(file);
   g_byte_array_unref(all);
   g_byte_array_unref(empty);
 }
@@ -135,9 +132,8 @@ TEST(memory_is_asked_for_before_anything_is_decoded) {
 TEST(what_is_asked_for_is_what_is_taken) {
   static const char *const names[] = {"head", "head-labels", "vessels", "marschner-lobb", "bucky"};
   for (size_t i = 0; i < G_N_ELEMENTS(names); i++) {
-    tc_volume *volume = tc_volume_demo(names[i], NULL);
+    g_autoptr(tc_volume) volume = tc_volume_demo(names[i], NULL);
     assert_int_equal(tc_volume_bytes(volume), tc_volume_demo_bytes(names[i]));
-    tc_volume_unref(volume);
   }
   listener l = {.most = 1000};
   const tc_import_options options = {.reserve = on_reserve, .user = &l};
@@ -198,20 +194,18 @@ TEST(an_upload_reads_no_other_file) {
   g_free(sub);
   for (size_t i = 0; i < G_N_ELEMENTS(tails); i++)
     for (int padding = 0; padding < 3; padding++) {
-      GByteArray *file = g_byte_array_new();
+      g_autoptr(GByteArray) file = g_byte_array_new();
       append(file, "NRRD0004\n", 9);
       if (padding == 1) append(file, "#\0\n", 3); /* a line with a zero byte */
       for (int line = 0; padding == 2 && line < 10000; line++)
         append(file, "# so long that a look at the beginning ends before\n", 51);
       append(file, tails[i], strlen(tails[i]));
       refuse_alone("spy.nrrd", file);
-      g_byte_array_unref(file);
     }
-  GByteArray *meta = g_byte_array_new();
+  g_autoptr(GByteArray) meta = g_byte_array_new();
   append(meta, "ObjectType = Image\nComment = \0x\nNDims = 3\n", 42);
   append(meta, "DimSize = 4 4 4\nElementType = MET_UCHAR\nElementDataFile = secret.raw\n", 69);
   refuse_alone("spy.mhd", meta);
-  g_byte_array_unref(meta);
 }
 
 TEST(an_upload_of_one_piece_is_read) {
@@ -219,9 +213,8 @@ TEST(an_upload_of_one_piece_is_read) {
   char file[256] = SIZES_4 "encoding: raw\n\n";
   write_file("whole.nrrd", file, strlen(file) + 64);
   GError *error = NULL;
-  tc_volume *volume = open_with("whole.nrrd", &options, &error);
+  g_autoptr(tc_volume) volume = open_with("whole.nrrd", &options, &error);
   assert_non_null(volume);
-  tc_volume_unref(volume);
 }
 
 TESTS(make_folder, remove_folder)

@@ -12,9 +12,8 @@ static bool have_data(void) {
 }
 
 static tc_volume *open_path(const char *folder, const char *name, GError **error) {
-  char *path = g_build_filename(folder, name, NULL);
+  g_autofree char *path = g_build_filename(folder, name, NULL);
   tc_volume *volume = tc_import(path, NULL, error);
-  g_free(path);
   return volume;
 }
 
@@ -109,7 +108,7 @@ TEST(sizes_types_and_places) {
   if (!have_data()) skip();
   for (size_t i = 0; i < G_N_ELEMENTS(volumes); i++) {
     gint64 start = g_get_monotonic_time();
-    tc_volume *v = open_real(volumes[i].name);
+    g_autoptr(tc_volume) v = open_real(volumes[i].name);
     const tc_volume_desc *d = tc_volume_describe(v);
     double ms = (double)(g_get_monotonic_time() - start) / 1000;
     if (memcmp(d->dims, volumes[i].dims, sizeof d->dims) != 0 || d->type != volumes[i].type)
@@ -125,7 +124,6 @@ TEST(sizes_types_and_places) {
     check_near(&d->intercept, &volumes[i].intercept, 1, 1e-5);
     assert_string_equal(d->modality, "");
     assert_true(ms < 20000);
-    tc_volume_unref(v);
   }
 }
 
@@ -256,9 +254,9 @@ TEST(odd_and_broken_files) {
   if (!have_data()) skip();
   char *folder = unpack("odd/odd.tar.gz"), *inner = g_build_filename(folder, "odd", NULL);
   for (size_t i = 0; i < G_N_ELEMENTS(odd); i++) {
-    GError *error = NULL;
+    g_autoptr(GError) error = NULL;
     gint64 start = g_get_monotonic_time();
-    tc_volume *v = open_path(inner, odd[i].name, &error);
+    g_autoptr(tc_volume) v = open_path(inner, odd[i].name, &error);
     assert_true(g_get_monotonic_time() - start < 5000000);
     bool right = odd[i].wanted == EITHER || (v != NULL) == (odd[i].wanted == LOAD);
     if (odd[i].wanted == REFUSE && error) right = right && strstr(error->message, odd[i].text);
@@ -268,8 +266,6 @@ TEST(odd_and_broken_files) {
     if (!right)
       print_error("%s: %s\n", odd[i].name, error ? error->message : "opened, with other sizes or against its index");
     assert_true(right);
-    g_clear_error(&error);
-    tc_volume_unref(v);
   }
   remove_tree(folder);
   g_free(inner);
@@ -289,12 +285,11 @@ TEST(one_ball_in_many_encodings) {
   assert_true(g_file_get_contents(raw, &bytes, &size, NULL));
   assert_int_equal(size, 54000);
   for (size_t i = 0; i < G_N_ELEMENTS(names); i++) {
-    tc_volume *v = open_path(inner, names[i], NULL);
+    g_autoptr(tc_volume) v = open_path(inner, names[i], NULL);
     assert_non_null(v);
     assert_int_equal(tc_volume_describe(v)->type, TC_I16);
     assert_int_equal(tc_volume_bytes(v), size);
     assert_memory_equal(tc_volume_data(v), bytes, size);
-    tc_volume_unref(v);
   }
   g_free(bytes);
   remove_tree(folder);

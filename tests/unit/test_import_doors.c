@@ -17,28 +17,25 @@ static GByteArray *ramp(void) {
 }
 
 static void check_ramp(const char *name) {
-  tc_volume *v = open_good(name);
+  g_autoptr(tc_volume) v = open_good(name);
   check_dims(v, side, side, side);
   for (int i = 0; i < count; i++)
     assert_true(voxel(v, (size_t)i) == 3 * i - 50);
-  tc_volume_unref(v);
 }
 
 /* The file, and the file packed both ways; every prefix of the packed ones is refused. */
 static void check_packed(const char *stem, const GByteArray *whole) {
   GByteArray *packed[] = {deflated(whole->data, whole->len, true), bzipped(whole->data, whole->len)};
-  char *plain = g_strdup(stem);
+  g_autofree char *plain = g_strdup(stem);
   write_bytes(plain, whole);
   check_ramp(plain);
   for (int i = 0; i < 2; i++) {
-    char *name = g_strconcat(stem, i ? ".bz2" : ".gz", NULL);
+    g_autofree char *name = g_strconcat(stem, i ? ".bz2" : ".gz", NULL);
     write_bytes(name, packed[i]);
     check_ramp(name);
     check_prefixes(name, packed[i]);
     g_byte_array_unref(packed[i]);
-    g_free(name);
   }
-  g_free(plain);
 }
 
 TEST(whole_files_are_unpacked) {
@@ -124,7 +121,7 @@ TEST(analyze_pairs) {
     write_bytes("a.img", voxels);
     check_ramp("a.hdr");
     check_ramp("a.img");
-    tc_volume *v = open_good("a.hdr");
+    g_autoptr(tc_volume) v = open_good("a.hdr");
     assert_string_equal(tc_volume_describe(v)->format, "analyze");
     head->data[38] = 0; /* without marks, as nibabel writes it: the type and its bits agree */
     put_at(head, 32, 0, 4, big);
@@ -137,7 +134,6 @@ TEST(analyze_pairs) {
     check_near(tc_volume_describe(v)->spacing, (double[]){1.5, 3, 4.5}, 3, 1e-6);
     check_near(tc_volume_describe(v)->direction, (double[]){1, 0, 0, 0, -1, 0, 0, 0, 1}, 9, 1e-6);
     assert_non_null(strstr(tc_volume_describe(v)->note, "no orientation"));
-    tc_volume_unref(v);
   }
   g_byte_array_unref(voxels);
   g_byte_array_unref(head);
@@ -159,7 +155,7 @@ static GString *par_header(void) {
 
 /* Voxel i of the REC is i; voxel 3 of a slice. The wanted numbers are nibabel's of the same file. */
 static void check_par(const char *name, const double values[3]) {
-  tc_volume *v = open_good(name);
+  g_autoptr(tc_volume) v = open_good(name);
   const tc_volume_desc *d = tc_volume_describe(v);
   check_dims(v, 4, 2, 3);
   for (int z = 0; z < 3; z++) assert_true(voxel(v, (size_t)(8 * z + 5)) * d->slope + d->intercept == values[z]);
@@ -169,7 +165,6 @@ static void check_par(const char *name, const double values[3]) {
              (double[]){0.92541658, -0.17364818, -0.33682409, 0.21461018, -0.49240388, 0.84349327, -0.31232456,
                         -0.85286853, -0.41841204},
              9, 1e-6);
-  tc_volume_unref(v);
 }
 
 /* What an upload of several files is: a header finds its voxels in the zip, and nothing outside it. */
@@ -197,7 +192,7 @@ static void pairs_in_a_zip(void) {
 
 /* Two times, slice by slice among each other, and a third that was broken off. */
 TEST(philips_pairs) {
-  GByteArray *rec = g_byte_array_new();
+  g_autoptr(GByteArray) rec = g_byte_array_new();
   for (int i = 0; i < 7 * 8; i++) put_uint(rec, (uint64_t)i, 2, false);
   GString *text = par_header();
   for (int i = 0; i < 7; i++) put_row(text, i / 2 % 3 + 1, i < 6 ? i % 2 + 1 : 3, i, "2.0");
@@ -222,7 +217,6 @@ TEST(philips_pairs) {
   write_text("p.PAR", text->str);
   check_par("p.PAR", (double[]){25, 31, 47});
   g_string_free(text, TRUE);
-  g_byte_array_unref(rec);
 }
 
 TEST(a_refusal_names_the_format) {

@@ -21,16 +21,14 @@
 enum { voxels = 64 * 64 * 64 };
 
 static void write_ints(const char *name) {
-  GByteArray *data = g_byte_array_new();
+  g_autoptr(GByteArray) data = g_byte_array_new();
   for (int i = 0; i < voxels; i++) put_uint(data, (uint64_t)i % 200, 4, false);
-  GByteArray *file = with_header(HEADER, data);
+  g_autoptr(GByteArray) file = with_header(HEADER, data);
   write_bytes(name, file);
-  g_byte_array_unref(file);
-  g_byte_array_unref(data);
 }
 
 TEST(what_is_no_volume) {
-  char *fifo = path_of("fifo.nii");
+  g_autofree char *fifo = path_of("fifo.nii");
   open_bad("gone.nii", TC_ERROR_NOT_FOUND, "open gone.nii: no such file");
   open_bad("gone.nii#2", TC_ERROR_NOT_FOUND, "no such file");
   write_file("empty.nii", NULL, 0);
@@ -47,7 +45,6 @@ TEST(what_is_no_volume) {
   g_byte_array_unref(zip);
   assert_int_equal(mkfifo(fifo, 0600), 0);
   open_bad("fifo.nii", TC_ERROR_FORMAT, "not a regular file"); /* and does not wait for a writer */
-  g_free(fifo);
 }
 
 TEST(a_number_sign_in_a_name) {
@@ -58,31 +55,28 @@ TEST(a_number_sign_in_a_name) {
 }
 
 TEST(demos) {
-  GError *error = NULL;
+  g_autoptr(GError) error = NULL;
   tc_volume *v = tc_import("demo:marschner-lobb", NULL, &error);
   assert_non_null(v);
   assert_string_equal(tc_volume_describe(v)->format, "demo");
   tc_volume_unref(v);
   assert_null(tc_import("demo:nothing", NULL, &error));
   assert_true(g_error_matches(error, TC_ERROR, TC_ERROR_NOT_FOUND));
-  g_error_free(error);
 }
 
 TEST(lists_only_dicom) {
   tc_series *series = (tc_series *)1;
   size_t count = 7;
-  char *path = path_of("list.nrrd");
+  g_autofree char *path = path_of("list.nrrd");
   write_ints("list.nrrd");
   assert_true(tc_import_list(path, NULL, &series, &count, NULL));
   assert_int_equal(count, 0);
   assert_null(series);
   assert_true(tc_import_list("demo:head", NULL, &series, &count, NULL));
   g_unlink(path);
-  GError *error = NULL;
+  g_autoptr(GError) error = NULL;
   assert_false(tc_import_list(path, NULL, &series, &count, &error));
   assert_true(g_error_matches(error, TC_ERROR, TC_ERROR_NOT_FOUND));
-  g_error_free(error);
-  g_free(path);
 }
 
 typedef struct watch { int calls, stop_after; double last; bool backwards; } watch;
@@ -115,7 +109,7 @@ TEST(progress_and_cancelling) {
 }
 
 TEST(the_limit_counts_stored_bytes) {
-  GError *error = NULL;
+  g_autoptr(GError) error = NULL;
   tc_import_options options = {.max_voxel_bytes = voxels};
   write_ints("limit.nrrd"); /* four bytes each in the file, one in memory */
   tc_volume *v = open_with("limit.nrrd", &options, &error);
@@ -124,7 +118,6 @@ TEST(the_limit_counts_stored_bytes) {
   options.max_voxel_bytes = voxels - 1;
   assert_null(open_with("limit.nrrd", &options, &error));
   assert_true(g_error_matches(error, TC_ERROR, TC_ERROR_LIMIT));
-  g_error_free(error);
 }
 
 /* ---- memory ---- */
@@ -163,7 +156,7 @@ TEST(memory_stays_near_the_voxels) {
   print_message("memory is not measured under a sanitizer\n");
   skip();
 #endif
-  char *path = path_of("big.nii.gz");
+  g_autofree char *path = path_of("big.nii.gz");
   write_big(path);
   pid_t child = fork();
   assert_true(child >= 0);
@@ -179,7 +172,6 @@ TEST(memory_stays_near_the_voxels) {
   double voxel_bytes = 2.0 * big_x * big_y * big_z, peak = 1024.0 * (double)usage.ru_maxrss;
   print_message("peak %.0f MiB for %.0f MiB of voxels\n", peak / 1048576, voxel_bytes / 1048576);
   assert_true(peak >= voxel_bytes && peak <= 1.3 * voxel_bytes + 64 * 1048576.0);
-  g_free(path);
 }
 
 /* ---- below ---- */
@@ -213,9 +205,8 @@ TEST(lines_and_numbers) {
   tc_reader_init(&r, "a\r\n\nlong line\nend", 17, false);
   const char *const wanted[] = {"a", "", "long line", "end"};
   for (int i = 0; i < 4; i++) {
-    char *line = tc_reader_line(&r, 9);
+    g_autofree char *line = tc_reader_line(&r, 9);
     assert_string_equal(line, wanted[i]);
-    g_free(line);
   }
   assert_null(tc_reader_line(&r, 9));
   assert_false(r.failed);
@@ -231,13 +222,12 @@ TEST(lines_and_numbers) {
   int64_t n;
   assert_true(tc_text_integer(" 12 ", 0, 12, &n) && n == 12);
   assert_false(tc_text_integer("13", 0, 12, &n) || tc_text_integer("1.5", 0, 12, &n) || tc_text_integer("", 0, 12, &n));
-  char *quoted = tc_text_quote("a\x1b[2Jb");
+  g_autofree char *quoted = tc_text_quote("a\x1b[2Jb");
   assert_string_equal(quoted, "'a?[2Jb'");
-  g_free(quoted);
 }
 
 TEST(name_patterns) {
-  GPtrArray *names = g_ptr_array_new_with_free_func(g_free);
+  g_autoptr(GPtrArray) names = g_ptr_array_new_with_free_func(g_free);
   int64_t rest;
   assert_true(tc_names_from_pattern("a%%b%03d.c%%d 8 12 2 3", names, &rest, NULL));
   assert_int_equal(names->len, 3);
@@ -248,12 +238,10 @@ TEST(name_patterns) {
                                     "a%999d 1 2 1", "a%n 1 2 1",   "a% 1 2 1",   "a 1 2 1",   "%d",
                                     "a%d 1 1e99 1", "a%d -1 2 1",  "a%d 1 2.5 1"};
   for (size_t i = 0; i < G_N_ELEMENTS(bad); i++) {
-    GError *error = NULL;
+    g_autoptr(GError) error = NULL;
     if (tc_names_from_pattern(bad[i], names, NULL, &error)) print_error("%s passed\n", bad[i]);
     assert_non_null(error);
-    g_error_free(error);
   }
-  g_ptr_array_unref(names);
 }
 
 /* A helper asks for the files that a header names; what is no regular file beside it is refused here. */

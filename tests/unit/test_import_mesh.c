@@ -96,13 +96,13 @@ static void put_vertex(GByteArray *out, float x, float y, float z, bool big) {
 /* Either byte order, properties nobody asked for, a polygon of five corners, other elements before and behind. */
 TEST(a_ply_of_any_shape_is_read) {
   for (int big = 0; big < 2; big++) {
-    char *head = g_strdup_printf("ply\r\nformat binary_%s_endian 1.0\r\ncomment SPACE=RAS\r\nelement camera 1\r\n"
+    g_autofree char *head = g_strdup_printf("ply\r\nformat binary_%s_endian 1.0\r\ncomment SPACE=RAS\r\nelement camera 1\r\n"
                                  "property double focus\r\nproperty list uchar short path\r\nelement vertex 5\r\n"
                                  "property uchar red\r\nproperty float x\r\nproperty float y\r\nproperty float z\r\n"
                                  "element face 2\r\nproperty list ushort int vertex_index\r\nproperty short flags\r\n"
                                  "element edge 1\r\nproperty int v\r\nend_header\r\n",
                                  big ? "big" : "little");
-    GByteArray *b = with_header(head, NULL);
+    g_autoptr(GByteArray) b = with_header(head, NULL);
     put_element(b, TC_ELEMENT_F64, 50, big);
     put_uint(b, 2, 1, big), put_uint(b, 7, 2, big), put_uint(b, 8, 2, big);
     for (int i = 0; i < 5; i++) {
@@ -115,15 +115,12 @@ TEST(a_ply_of_any_shape_is_read) {
     put_uint(b, 2, 2, big), put_uint(b, 0, 4, big), put_uint(b, 1, 4, big), put_uint(b, 9, 2, big);
     put_uint(b, 3, 4, big);
     tc_mesh_head told;
-    tc_mesh *m = read_bytes(b->data, b->len, "no-name", &told);
+    g_autoptr(tc_mesh) m = read_bytes(b->data, b->len, "no-name", &told);
     assert_true(m->n_vertices == 5 && m->n_triangles == 3 && told.degenerate == 1);
     const float fourth[3] = {-3, -9, 2}; /* right, anterior became left, posterior */
     const uint32_t last[3] = {0, 3, 4};
     assert_memory_equal(m->positions[3], fourth, sizeof fourth);
     assert_memory_equal(m->triangles[2], last, sizeof last);
-    tc_mesh_free(m);
-    g_byte_array_unref(b);
-    g_free(head);
   }
 }
 
@@ -196,20 +193,18 @@ TEST(bad_meshes_are_one_clear_error) {
       {"none", "NRRD0004\n", "the file is NRRD, a volume: open it as a volume"},
   };
   for (size_t i = 0; i < G_N_ELEMENTS(cases); i++) {
-    GError *error = NULL;
+    g_autoptr(GError) error = NULL;
     tc_mesh *m = read_mesh_here(cases[i].text, strlen(cases[i].text), cases[i].name, NULL, 0, 0, NULL, &error);
     if (m || !strstr(error->message, cases[i].wanted))
       fail_msg("case %zu wants ...%s..., got %s", i, cases[i].wanted, m ? "a mesh" : error->message);
     assert_null(strchr(error->message, '\n'));
-    g_error_free(error);
   }
 }
 
 static char *torus_file(const char *name, gsize *size) {
   char *path = path_of(name), *bytes = NULL;
-  tc_mesh *m = torus(true, 0);
+  g_autoptr(tc_mesh) m = torus(true, 0);
   assert_true(tc_export_mesh(m, path, name[0] == 'a', NULL) && g_file_get_contents(path, &bytes, size, NULL));
-  tc_mesh_free(m);
   g_free(path);
   return bytes;
 }
@@ -220,31 +215,27 @@ TEST(damaged_files_are_meshes_or_errors) {
   unsigned seed = 1;
   for (size_t n = 0; n < G_N_ELEMENTS(names); n++) {
     gsize size;
-    char *whole = torus_file(names[n], &size);
+    g_autofree char *whole = torus_file(names[n], &size);
     int failed = 0;
     for (int round = 0; round < 150; round++) {
-      GError *error = NULL;
+      g_autoptr(GError) error = NULL;
       const bool cut = round % 3 == 0;
       gsize left = cut ? (gsize)rand_r(&seed) % (size - 10) : size;
-      char *bytes = g_memdup2(whole, left + 1);
+      g_autofree char *bytes = g_memdup2(whole, left + 1);
       for (int k = 0; !cut && k < 3; k++) bytes[(gsize)rand_r(&seed) % size] ^= (char)(1 << rand_r(&seed) % 8);
-      tc_mesh *m = read_mesh_here(bytes, left, names[n], NULL, 0, 0, NULL, &error);
+      g_autoptr(tc_mesh) m = read_mesh_here(bytes, left, names[n], NULL, 0, 0, NULL, &error);
       if (cut && n != 0 && n != 4) assert_null(m); /* text without numbers of lines may end anywhere */
       assert_true(!m == !!error);
       if (error) assert_null(strchr(error->message, '\n'));
       failed += !m;
-      g_clear_error(&error);
-      tc_mesh_free(m);
-      g_free(bytes);
     }
     print_message("%s: %d of 150 damaged files refused\n", names[n], failed);
-    g_free(whole);
   }
 }
 
 TEST(limits_hold_and_a_caller_cancels) {
   gsize size;
-  char *stl = torus_file("m.stl", &size);
+  g_autofree char *stl = torus_file("m.stl", &size);
   GError *error = NULL;
   assert_null(read_mesh_here(stl, size, "m.stl", NULL, 1000, 0, NULL, &error));
   assert_int_equal(error->code, TC_ERROR_LIMIT);
@@ -254,7 +245,6 @@ TEST(limits_hold_and_a_caller_cancels) {
     assert_int_equal(error->code, TC_ERROR_CANCELLED);
     g_clear_error(&error);
   }
-  g_free(stl);
 }
 
 /* ---- by the helper process ---- */

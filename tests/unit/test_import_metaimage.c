@@ -29,34 +29,28 @@ static void write_meta(const char *name, const char *header, GByteArray *data) {
 }
 
 static void check_ramp(const char *name, tc_voxel_type stored, double lo, double step) {
-  tc_volume *v = open_good(name);
+  g_autoptr(tc_volume) v = open_good(name);
   check_dims(v, nx, ny, nz);
   assert_int_equal(tc_volume_describe(v)->type, stored);
   assert_string_equal(tc_volume_describe(v)->format, "metaimage");
   for (int i = 0; i < count; i++) assert_true(voxel(v, (size_t)i) == lo + step * i);
-  tc_volume_unref(v);
 }
 
 TEST(every_type_order_and_container) {
   for (size_t t = 0; t < G_N_ELEMENTS(types); t++)
     for (int big = 0; big < 2; big++)
       for (int zip = 0; zip < 2; zip++) {
-        GByteArray *raw = ramp(types[t].element, types[t].lo, types[t].step, count, big);
-        GByteArray *data = zip ? deflated(raw->data, raw->len, false) : g_byte_array_ref(raw);
-        char *common = g_strdup_printf(SIZES "BinaryDataByteOrderMSB = %s\nCompressedData = %s\nElementType = %s\n",
+        g_autoptr(GByteArray) raw = ramp(types[t].element, types[t].lo, types[t].step, count, big);
+        g_autoptr(GByteArray) data = zip ? deflated(raw->data, raw->len, false) : g_byte_array_ref(raw);
+        g_autofree char *common = g_strdup_printf(SIZES "BinaryDataByteOrderMSB = %s\nCompressedData = %s\nElementType = %s\n",
                                        big ? "True" : "False", zip ? "True" : "False", types[t].name);
-        char *local = g_strconcat(common, "ElementDataFile = LOCAL\n", NULL);
-        char *beside = g_strconcat(common, "ElementDataFile = a.data\n", NULL);
+        g_autofree char *local = g_strconcat(common, "ElementDataFile = LOCAL\n", NULL);
+        g_autofree char *beside = g_strconcat(common, "ElementDataFile = a.data\n", NULL);
         write_meta("a.mha", local, g_byte_array_ref(data));
         check_ramp("a.mha", types[t].stored, types[t].lo, types[t].step);
         write_meta("a.mhd", beside, NULL);
         write_bytes("a.data", data);
         check_ramp("a.mhd", types[t].stored, types[t].lo, types[t].step);
-        g_free(common);
-        g_free(local);
-        g_free(beside);
-        g_byte_array_unref(data);
-        g_byte_array_unref(raw);
       }
 }
 
@@ -75,9 +69,8 @@ TEST(data_spread_over_files) {
   for (int f = 0; f < nz; f++) {
     char name[32];
     g_snprintf(name, sizeof name, "s%02d.raw", f + 1);
-    GByteArray *part = ramp(TC_ELEMENT_U8, f * nx * ny, 1, nx * ny, false);
+    g_autoptr(GByteArray) part = ramp(TC_ELEMENT_U8, f * nx * ny, 1, nx * ny, false);
     write_bytes(name, part);
-    g_byte_array_unref(part);
   }
 #define U8_HEADER SIZES "ElementType = MET_UCHAR\n"
   write_meta("p.mhd", U8_HEADER "ElementDataFile = s%02d.raw 1 5 1\n", NULL);
@@ -114,11 +107,10 @@ static void check_place(const char *lines, const double *spacing, const double *
   char *header = g_strconcat(U8_HEADER, lines, "ElementDataFile = LOCAL\n", NULL);
   write_meta("g.mha", header, ramp(TC_ELEMENT_U8, 0, 1, count, false));
   g_free(header);
-  tc_volume *v = open_good("g.mha");
+  g_autoptr(tc_volume) v = open_good("g.mha");
   check_near(tc_volume_describe(v)->spacing, spacing, 3, 1e-12);
   check_near(tc_volume_describe(v)->origin, origin, 3, 1e-12);
   check_near(tc_volume_describe(v)->direction, direction, 9, 1e-12);
-  tc_volume_unref(v);
 }
 
 TEST(places) {
@@ -221,16 +213,14 @@ TEST(endless_empty_lines_cost_nothing) {
 
 TEST(every_prefix_is_refused) {
   for (int zip = 0; zip < 2; zip++) {
-    GByteArray *raw = ramp(TC_ELEMENT_U16, 0, 3, count, false);
-    GByteArray *data = zip ? deflated(raw->data, raw->len, false) : g_byte_array_ref(raw);
+    g_autoptr(GByteArray) raw = ramp(TC_ELEMENT_U16, 0, 3, count, false);
+    g_autoptr(GByteArray) data = zip ? deflated(raw->data, raw->len, false) : g_byte_array_ref(raw);
     GByteArray *file =
         with_header(zip ? SIZES "CompressedData = True\nElementType = MET_USHORT\nElementDataFile = LOCAL\n"
                         : SIZES "ElementType = MET_USHORT\nElementDataFile = LOCAL\n",
                     data);
     check_prefixes("prefix.mha", file);
     g_byte_array_unref(file);
-    g_byte_array_unref(data);
-    g_byte_array_unref(raw);
   }
 }
 

@@ -45,7 +45,7 @@ static hsize_t size_of(const char *dimension) {
 }
 
 static void put_dimension(hid_t file, const made *m, const char *name) {
-  char *path = g_strconcat("/minc-2.0/dimensions/", name, NULL);
+  g_autofree char *path = g_strconcat("/minc-2.0/dimensions/", name, NULL);
   hid_t space = H5Screate(H5S_SCALAR),
         d = H5Dcreate2(file, path, H5T_STD_I32LE, space, H5P_DEFAULT, H5P_DEFAULT, H5P_DEFAULT);
   const int k = name[0] - 'x';
@@ -55,7 +55,6 @@ static void put_dimension(hid_t file, const made *m, const char *name) {
   put_words(d, "spacing", m->irregular && k == 2 ? "irregular" : "regular__");
   H5Dclose(d);
   H5Sclose(space);
-  g_free(path);
 }
 
 static void put_scale(hid_t file, const made *m, const char *path, const hsize_t *dims, const double *values) {
@@ -113,25 +112,23 @@ TEST(packed_and_zipped) {
   write_minc("p.mnc", &(made){0}, voxels);
   assert_true(g_file_get_contents(path, &bytes, &size, NULL));
   GByteArray *packed[] = {deflated((uint8_t *)bytes, size, true), bzipped((uint8_t *)bytes, size)};
-  GByteArray *twice = deflated(packed[0]->data, packed[0]->len, true);
+  g_autoptr(GByteArray) twice = deflated(packed[0]->data, packed[0]->len, true);
   write_bytes("p.mnc.gz", packed[0]);
   write_bytes("p.bz2", packed[1]);
   write_bytes("twice.mnc.gz", twice);
   zip_files("p.zip", two, 1);
   static const char *const names[] = {"p.mnc.gz", "p.bz2", "p.zip", "p.zip#volume=1"};
   for (size_t n = 0; n < G_N_ELEMENTS(names); n++) {
-    tc_volume *v = open_good(names[n]);
+    g_autoptr(tc_volume) v = open_good(names[n]);
     check_dims(v, NX, NY, NZ);
     assert_string_equal(tc_volume_describe(v)->format, "minc");
     for (int i = 0; i < VOXELS; i++) assert_true(voxel(v, (size_t)i) == (uint8_t)voxels[i]);
-    tc_volume_unref(v);
   }
   open_bad("twice.mnc.gz", TC_ERROR_FORMAT, "unknown kind of file");
   g_byte_array_set_size(packed[0], packed[0]->len - 9);
   write_bytes("p.mnc.gz", packed[0]);
   open_bad("p.mnc.gz", TC_ERROR_FORMAT, "compressed data end");
   for (int i = 0; i < 2; i++) g_byte_array_unref(packed[i]);
-  g_byte_array_unref(twice);
   g_free(bytes);
   g_free(path);
 }
@@ -153,7 +150,7 @@ TEST(place_and_scales) {
                      .starts = {10, 20, 30},
                      .chunked = true},
              voxels);
-  tc_volume *v = open_good("place.mnc");
+  g_autoptr(tc_volume) v = open_good("place.mnc");
   const tc_volume_desc *d = tc_volume_describe(v);
   check_dims(v, NX, NY, NZ);
   assert_string_equal(d->format, "minc");
@@ -167,7 +164,6 @@ TEST(place_and_scales) {
     const double wanted = low[z] + (voxels[i] + 1000) / 2000.0 * (high[z] - low[z]);
     check_near(&(double){voxel(v, (size_t)i)}, &wanted, 1, 1e-5);
   }
-  tc_volume_unref(v);
 }
 
 /* One scale keeps the stored integers; no scale, as labels have none, the narrowest that hold them. */
@@ -194,13 +190,12 @@ TEST(outside_is_nothing) {
   int32_t voxels[VOXELS];
   ramp(voxels, VOXELS, 3);
   write_minc("valid.mnc", &(made){.valid = (double[]){3, 174}, .low = (double[]){0}, .high = (double[]){171}}, voxels);
-  tc_volume *v = open_good("valid.mnc");
+  g_autoptr(tc_volume) v = open_good("valid.mnc");
   assert_int_equal(tc_volume_describe(v)->type, TC_F32);
   assert_non_null(strstr(tc_volume_describe(v)->note, "2 voxels outside the valid range are nothing"));
   const uint8_t *gaps = tc_volume_data(tc_volume_gaps(v));
   assert_true(gaps[0] && !gaps[1] && gaps[59]);
   check_near(&(double){voxel(v, 58)}, &(double){171}, 1, 1e-4);
-  tc_volume_unref(v);
 }
 
 /* Dimensions in any order, and time among them. */
@@ -233,10 +228,9 @@ TEST(refusals) {
   write_file("secret.raw", secret, sizeof secret); /* beside it, in its folder, and where this runs */
   write_minc("e.mnc", &(made){.scale_rank = -1, .outside_file = true}, voxels);
   open_bad("e.mnc", TC_ERROR_UNSUPPORTED, "without an image of MINC 2");
-  char *path = path_of("other.h5");
+  g_autofree char *path = path_of("other.h5");
   H5Fclose(H5Fcreate(path, H5F_ACC_TRUNC, H5P_DEFAULT, H5P_DEFAULT));
   open_bad("other.h5", TC_ERROR_UNSUPPORTED, "HDF5 without an image of MINC 2");
-  g_free(path);
 }
 
 /* What is cut short is refused, wherever it ends. */
@@ -257,14 +251,12 @@ TEST(cut_short) {
 
 TEST(the_helper_is_confined) {
   enum { SIDE = 1200 }; /* more than the ring holds */
-  int32_t *voxels = g_new0(int32_t, SIDE * SIDE * NZ);
-  char *path = path_of("large.mnc");
+  g_autofree int32_t *voxels = g_new0(int32_t, SIDE * SIDE * NZ);
+  g_autofree char *path = path_of("large.mnc");
   side = SIDE;
   write_minc("large.mnc", &(made){.type = H5T_STD_I16LE, .scale_rank = -1}, voxels);
   side = 0;
   is_confined("tomocast-minc", path);
-  g_free(path);
-  g_free(voxels);
 }
 
 TESTS(make_folder, remove_folder)

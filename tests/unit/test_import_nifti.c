@@ -42,12 +42,11 @@ static void add_voxels(GByteArray *file, tc_element element, double lo, double s
 }
 
 static void check_ramp(const char *name, tc_voxel_type stored, double lo, double step) {
-  tc_volume *v = open_good(name);
+  g_autoptr(tc_volume) v = open_good(name);
   check_dims(v, nx, ny, nz);
   assert_int_equal(tc_volume_describe(v)->type, stored);
   assert_string_equal(tc_volume_describe(v)->format, "nifti");
   for (int i = 0; i < count; i++) assert_true(voxel(v, (size_t)i) == lo + step * i);
-  tc_volume_unref(v);
 }
 
 TEST(every_type_order_and_container) {
@@ -77,11 +76,10 @@ TEST(every_type_order_and_container) {
 }
 
 TEST(content_decides_before_the_name) {
-  GByteArray *file = header(1, 2, false, false);
+  g_autoptr(GByteArray) file = header(1, 2, false, false);
   add_voxels(file, TC_ELEMENT_U8, 0, 1, count, false);
   write_bytes("wrongly.nrrd", file);
   check_ramp("wrongly.nrrd", TC_U8, 0, 1);
-  g_byte_array_unref(file);
 }
 
 /* ---- the storage rule ---- */
@@ -92,12 +90,11 @@ static void check_stored(int code, tc_element element, double first, double seco
   for (int i = 0; i < count; i++) put_element(file, element, i % 2 ? second : first, false);
   write_bytes("s.nii", file);
   g_byte_array_unref(file);
-  tc_volume *v = open_good("s.nii");
+  g_autoptr(tc_volume) v = open_good("s.nii");
   assert_int_equal(tc_volume_describe(v)->type, stored);
   assert_true(voxel(v, 0) == (stored == TC_F32 ? (float)first : first));
   assert_true(voxel(v, 1) == (stored == TC_F32 ? (float)second : second));
   assert_non_null(strstr(tc_volume_describe(v)->note, note));
-  tc_volume_unref(v);
 }
 
 TEST(wide_integers_become_the_narrowest_that_fits) {
@@ -125,10 +122,9 @@ TEST(wide_integers_round_to_nearest) {
   for (int i = 0; i < count; i++) put_uint(file, (uint64_t)values[i % 4], 8, false);
   write_bytes("r.nii", file);
   g_byte_array_unref(file);
-  tc_volume *v = open_good("r.nii");
+  g_autoptr(tc_volume) v = open_good("r.nii");
   assert_true(voxel(v, 0) == 16777216 && voxel(v, 1) == 16777220 && voxel(v, 3) == -16777220);
   assert_true(voxel(v, 2) == (double)(float)values[2]); /* rounded once, not by way of double */
-  tc_volume_unref(v);
 }
 
 TEST(doubles_beyond_float_stay_finite) {
@@ -137,11 +133,10 @@ TEST(doubles_beyond_float_stay_finite) {
   for (int i = 0; i < count; i++) put_element(file, TC_ELEMENT_F64, values[i % 4], false);
   write_bytes("f.nii", file);
   g_byte_array_unref(file);
-  tc_volume *v = open_good("f.nii");
+  g_autoptr(tc_volume) v = open_good("f.nii");
   double slope = tc_volume_describe(v)->slope; /* sealing scales extreme fields */
   assert_true(slope * voxel(v, 0) == FLT_MAX && slope * voxel(v, 1) == -FLT_MAX);
   assert_int_equal(tc_volume_statistics(v)->non_finite, count / 4);
-  tc_volume_unref(v);
 }
 
 TEST(colours_and_complex_numbers) {
@@ -179,7 +174,7 @@ TEST(colours_and_complex_numbers) {
 }
 
 TEST(vectors_are_planes) {
-  GByteArray *file = header(1, 4, false, false);
+  g_autoptr(GByteArray) file = header(1, 4, false, false);
   put_at(file, 40, 5, 2, false);
   put_at(file, 40 + 2 * 5, 3, 2, false); /* dim[5] = 3 components */
   put_at(file, 68, 1007, 2, false);      /* NIFTI_INTENT_VECTOR */
@@ -191,17 +186,15 @@ TEST(vectors_are_planes) {
   assert_int_equal(tc_volume_describe(v)->frames, 1);
   for (int i = 0; i < count; i++) assert_true(voxel(v, (size_t)i) == 7 * i);
   tc_volume_unref(v);
-  GByteArray *zip = deflated(file->data, file->len, true);
+  g_autoptr(GByteArray) zip = deflated(file->data, file->len, true);
   write_bytes("v.nii.gz", zip);
   v = open_good("v.nii.gz");
   assert_true(voxel(v, 8) == 56);
   tc_volume_unref(v);
-  g_byte_array_unref(zip);
-  g_byte_array_unref(file);
 }
 
 TEST(the_first_frame_is_taken) {
-  GByteArray *file = header(1, 512, false, false);
+  g_autoptr(GByteArray) file = header(1, 512, false, false);
   put_at(file, 40, 4, 2, false);
   put_at(file, 40 + 2 * 4, 6, 2, false);
   add_voxels(file, TC_ELEMENT_U16, 100, 1, 6 * count, false);
@@ -223,13 +216,11 @@ TEST(the_first_frame_is_taken) {
   open_bad("t.nii#volume=0", TC_ERROR_INVALID, "volume=N");
   write_file("t.nii", file->data, file->len - 1); /* cut in the last frame */
   open_bad("t.nii", TC_ERROR_FORMAT, "cut short");
-  GByteArray *zip = deflated(file->data, file->len, true);
+  g_autoptr(GByteArray) zip = deflated(file->data, file->len, true);
   check_prefixes("t.nii.gz", zip);
   g_byte_array_append(zip, (const uint8_t *)"padding", 7); /* hides the size at the end; the frames are all there */
   write_bytes("t.nii.gz", zip);
   tc_volume_unref(open_good("t.nii.gz"));
-  g_byte_array_unref(zip);
-  g_byte_array_unref(file);
 }
 
 /* ---- place ---- */
@@ -251,24 +242,22 @@ TEST(sform_is_preferred_and_turned_to_lps) {
   set_sform(h, rows);
   put_at(h, 252, 1, 2, false); /* a qform that says something else */
   put_f32_at(h, 268, 99, false);
-  tc_volume *v = open_header(h);
+  g_autoptr(tc_volume) v = open_header(h);
   const tc_volume_desc *d = tc_volume_describe(v);
   check_near(d->spacing, (double[]){2, 2.5, 1}, 3, 1e-6);
   check_near(d->origin, (double[]){-10, 20, 30}, 3, 1e-6);
   check_near(d->direction, (double[]){1, 0, 0, 0, -0.6, -0.6, 0, -0.8, 0.8}, 9, 1e-6);
   assert_false(signbit(d->direction[1])); /* no negative zeros */
-  tc_volume_unref(v);
 }
 
 TEST(a_sheared_sform_keeps_its_axes) {
   GByteArray *h = header(1, 2, false, false);
   const double rows[3][4] = {{0.5, 0, 0, 0}, {0, 0.5, 0.3, 0}, {0, 0, 0.4, 0}};
   set_sform(h, rows);
-  tc_volume *v = open_header(h);
+  g_autoptr(tc_volume) v = open_header(h);
   const tc_volume_desc *d = tc_volume_describe(v);
   check_near(d->spacing, (double[]){0.5, 0.5, 0.5}, 3, 1e-7);
   check_near(d->direction, (double[]){-1, 0, 0, 0, -1, -0.6, 0, 0, 0.8}, 9, 1e-6);
-  tc_volume_unref(v);
 }
 
 TEST(qform_quaternions) {
@@ -289,14 +278,13 @@ TEST(qform_quaternions) {
     put_f32_at(file, 260, cases[i].c, false);
     put_f32_at(file, 264, cases[i].d, false);
     for (int k = 0; k < 3; k++) put_f32_at(file, 268 + 4 * k, (float)(10 * k + 10), false);
-    tc_volume *v = open_header(file);
+    g_autoptr(tc_volume) v = open_header(file);
     const tc_volume_desc *d = tc_volume_describe(v);
     double lps[9];
     for (int k = 0; k < 9; k++) lps[k] = k < 6 ? -cases[i].ras[k] : cases[i].ras[k];
     check_near(d->spacing, (double[]){2, 3, 4}, 3, 1e-6);
     check_near(d->direction, lps, 9, 1e-6);
     check_near(d->origin, (double[]){-10, -20, 30}, 3, 1e-6);
-    tc_volume_unref(v);
   }
 }
 
@@ -305,12 +293,11 @@ TEST(without_any_form_voxel_sizes_are_used) {
   put_at(h, 254, 0, 2, false);
   for (int k = 0; k < 3; k++) put_f32_at(h, 80 + 4 * k, k == 1 ? -3.f : 2.f, false);
   h->data[123] = 3; /* micrometres */
-  tc_volume *v = open_header(h);
+  g_autoptr(tc_volume) v = open_header(h);
   const tc_volume_desc *d = tc_volume_describe(v);
   check_near(d->spacing, (double[]){0.002, 0.003, 0.002}, 3, 1e-9);
   check_near(d->direction, (double[]){-1, 0, 0, 0, -1, 0, 0, 0, 1}, 9, 0);
   assert_non_null(strstr(d->note, "no orientation"));
-  tc_volume_unref(v);
 }
 
 TEST(a_flat_sform_gives_way_to_the_qform) {
@@ -319,10 +306,9 @@ TEST(a_flat_sform_gives_way_to_the_qform) {
   set_sform(h, rows);
   put_at(h, 252, 1, 2, false);
   put_f32_at(h, 268, 5, false);
-  tc_volume *v = open_header(h);
+  g_autoptr(tc_volume) v = open_header(h);
   assert_true(tc_volume_describe(v)->origin[0] == -5);
   assert_non_null(strstr(tc_volume_describe(v)->note, "sform"));
-  tc_volume_unref(v);
 }
 
 TEST(slopes) {
@@ -332,10 +318,9 @@ TEST(slopes) {
     GByteArray *h = header(1, 2, false, false);
     put_f32_at(h, 112, cases[i].slope, false);
     put_f32_at(h, 116, cases[i].inter, false);
-    tc_volume *v = open_header(h);
+    g_autoptr(tc_volume) v = open_header(h);
     assert_true(tc_volume_describe(v)->slope == cases[i].wanted_slope);
     assert_true(tc_volume_describe(v)->intercept == cases[i].wanted_inter);
-    tc_volume_unref(v);
   }
 }
 
@@ -344,22 +329,19 @@ TEST(extensions_are_skipped) {
   h->data[348] = 1;
   put_f32_at(h, 108, 352 + 32, false);
   for (int i = 0; i < 32; i++) g_byte_array_append(h, (const uint8_t *)"\xee", 1);
-  tc_volume *v = open_header(h);
+  g_autoptr(tc_volume) v = open_header(h);
   assert_true(voxel(v, 0) == 0 && voxel(v, 7) == 7);
-  tc_volume_unref(v);
 }
 
 /* ---- refusals ---- */
 
 TEST(every_prefix_is_refused) {
   for (int version = 1; version <= 2; version++) {
-    GByteArray *file = header(version, 4, version == 2, false);
+    g_autoptr(GByteArray) file = header(version, 4, version == 2, false);
     add_voxels(file, TC_ELEMENT_I16, 0, 1, count, version == 2);
-    GByteArray *zip = deflated(file->data, file->len, true);
+    g_autoptr(GByteArray) zip = deflated(file->data, file->len, true);
     check_prefixes("prefix.nii", file);
     check_prefixes("prefix.nii.gz", zip);
-    g_byte_array_unref(zip);
-    g_byte_array_unref(file);
   }
 }
 
@@ -378,17 +360,16 @@ TEST(bad_headers) {
       {344, 1, 'x', TC_ERROR_FORMAT, "no NIfTI header"},
   };
   for (size_t i = 0; i < G_N_ELEMENTS(cases); i++) {
-    GByteArray *file = header(1, 2, false, false);
+    g_autoptr(GByteArray) file = header(1, 2, false, false);
     put_at(file, cases[i].at, cases[i].value, cases[i].size, false);
     add_voxels(file, TC_ELEMENT_U8, 0, 1, count, false);
     write_bytes("bad.nii", file);
     open_bad("bad.nii", cases[i].code, cases[i].text);
-    g_byte_array_unref(file);
   }
 }
 
 TEST(huge_sizes_are_refused_before_memory_is_taken) {
-  GByteArray *file = header(2, 64, false, false);
+  g_autoptr(GByteArray) file = header(2, 64, false, false);
   put_at(file, 16, 7, 8, false);
   for (int i = 1; i < 8; i++) put_at(file, 16 + 8 * (size_t)i, INT32_MAX, 8, false);
   write_bytes("huge.nii", file);
@@ -400,22 +381,19 @@ TEST(huge_sizes_are_refused_before_memory_is_taken) {
   write_bytes("huge.nii", file);
   open_bad("huge.nii", TC_ERROR_FORMAT, "dim[1]");
   for (int i = 1; i < 4; i++) put_at(file, 16 + 8 * (size_t)i, 1000, 8, false); /* 8 GB announced in a few bytes */
-  GByteArray *zip = deflated(file->data, file->len, true);
+  g_autoptr(GByteArray) zip = deflated(file->data, file->len, true);
   write_bytes("huge.nii.gz", zip);
   open_bad("huge.nii.gz", TC_ERROR_FORMAT, "cannot hold");
-  g_byte_array_unref(zip);
-  g_byte_array_unref(file);
 }
 
 TEST(pairs_need_their_image) {
-  GByteArray *head = header(1, 2, false, true);
+  g_autoptr(GByteArray) head = header(1, 2, false, true);
   write_bytes("lonely.hdr", head);
   open_bad("lonely.hdr", TC_ERROR_FORMAT, "'lonely.img': missing");
-  g_byte_array_unref(head);
 }
 
 TEST(matrices_are_no_volumes) {
-  GByteArray *file = header(2, 16, false, false);
+  g_autoptr(GByteArray) file = header(2, 16, false, false);
   const int dim[8] = {6, 1, 1, 1, 1, 10, 10, 1};
   for (int i = 0; i < 8; i++) put_at(file, 16 + 8 * (size_t)i, (uint64_t)dim[i], 8, false);
   add_voxels(file, TC_ELEMENT_F32, 0, 1, 100, false);
@@ -424,7 +402,6 @@ TEST(matrices_are_no_volumes) {
   put_at(file, 504, 3001, 4, false);
   write_bytes("m.nii", file);
   open_bad("m.nii", TC_ERROR_UNSUPPORTED, "CIFTI");
-  g_byte_array_unref(file);
 }
 
 TESTS(make_folder, remove_folder)

@@ -40,22 +40,20 @@ static GByteArray *hex_of(const GByteArray *data) {
 }
 
 static void check_ramp(const char *name, tc_voxel_type stored, double lo, double step) {
-  tc_volume *v = open_good(name);
+  g_autoptr(tc_volume) v = open_good(name);
   check_dims(v, nx, ny, nz);
   assert_int_equal(tc_volume_describe(v)->type, stored);
   assert_string_equal(tc_volume_describe(v)->format, "nrrd");
   for (int i = 0; i < count; i++) assert_true(voxel(v, (size_t)i) == lo + step * i);
-  tc_volume_unref(v);
 }
 
 /* Writes a header of these lines, with or without an empty line and data. Takes over data. */
 static void write_nrrd(const char *name, const char *lines, GByteArray *data) {
-  char *header = g_strconcat("NRRD0005\n# a comment\n", lines, data ? "\n" : "", NULL);
+  g_autofree char *header = g_strconcat("NRRD0005\n# a comment\n", lines, data ? "\n" : "", NULL);
   GByteArray *file = with_header(header, data);
   write_bytes(name, file);
   g_byte_array_unref(file);
   if (data) g_byte_array_unref(data);
-  g_free(header);
 }
 
 TEST(every_type_order_and_encoding) {
@@ -71,7 +69,7 @@ TEST(every_type_order_and_encoding) {
         case 4: data = hex_of(raw); break;
         default: data = g_byte_array_ref(raw);
         }
-        char *lines = g_strdup_printf("type: %s\ndimension: 3\nsizes: 3 4 5\nencoding: %s\nendian: %s\n",
+        g_autofree char *lines = g_strdup_printf("type: %s\ndimension: 3\nsizes: 3 4 5\nencoding: %s\nendian: %s\n",
                                       types[t].name, encodings[e], big ? "big" : "little");
         write_nrrd("a.nrrd", lines, g_byte_array_ref(data));
         check_ramp("a.nrrd", types[t].stored, types[t].lo, types[t].step);
@@ -80,7 +78,6 @@ TEST(every_type_order_and_encoding) {
         write_bytes("a.data", data);
         check_ramp("a.nhdr", types[t].stored, types[t].lo, types[t].step);
         g_free(detached);
-        g_free(lines);
         g_byte_array_unref(data);
         g_byte_array_unref(raw);
       }
@@ -92,13 +89,11 @@ TEST(every_type_order_and_encoding) {
 
 static void write_slices(const char *format, int files, int each, int skip) {
   for (int f = 0; f < files; f++) {
-    GByteArray *part = g_byte_array_new();
+    g_autoptr(GByteArray) part = g_byte_array_new();
     for (int i = 0; i < skip; i++) put_uint(part, 0xee, 1, false);
     for (int i = 0; i < each; i++) put_uint(part, (uint64_t)(f * each + i), 1, false);
-    char *name = g_strdup_printf(format, f + 1);
+    g_autofree char *name = g_strdup_printf(format, f + 1);
     write_bytes(name, part);
-    g_free(name);
-    g_byte_array_unref(part);
   }
 }
 
@@ -133,7 +128,7 @@ TEST(data_spread_over_files) {
 }
 
 TEST(data_stay_beside_the_header) {
-  char *outside = g_build_filename(g_get_tmp_dir(), "tc-import-outside.raw", NULL);
+  g_autofree char *outside = g_build_filename(g_get_tmp_dir(), "tc-import-outside.raw", NULL);
   char *link = path_of("link.raw"), *inner = path_of("inner"), *absolute;
   uint8_t zeros[count] = {0};
   assert_true(g_file_set_contents(outside, (const char *)zeros, count, NULL));
@@ -152,7 +147,6 @@ TEST(data_stay_beside_the_header) {
   write_nrrd("d.nhdr", U8_HEADER "data file: inner\n", NULL);
   open_bad("d.nhdr", TC_ERROR_FORMAT, "not a regular file");
   g_unlink(outside);
-  g_free(outside);
   g_free(link);
   g_free(inner);
   g_free(absolute);
@@ -168,7 +162,7 @@ TEST(skips) {
   write_nrrd("k.nhdr", U8_HEADER "byteskip: -1\ndata file: lead.raw\n", NULL);
   check_ramp("k.nhdr", TC_U8, 0, 1);
   zip = deflated(lead->data, lead->len, true);
-  GByteArray *lines = with_header("a\nb\nc\n", zip);
+  g_autoptr(GByteArray) lines = with_header("a\nb\nc\n", zip);
   write_bytes("lead.gz", lines);
   /* lines are skipped before decompression, bytes after */
 #define GZ_HEADER "type: uchar\ndimension: 3\nsizes: 3 4 5\nencoding: gzip\nline skip: 3\ndata file: lead.gz\n"
@@ -186,25 +180,22 @@ TEST(skips) {
   open_bad("k.nhdr", TC_ERROR_FORMAT, "cut short: 0 of 60");
   g_byte_array_unref(data);
   g_byte_array_unref(lead);
-  g_byte_array_unref(lines);
   g_byte_array_unref(zip);
 }
 
 TEST(compressed_data_in_several_members) {
-  GByteArray *data = bytes_ramp(count);
+  g_autoptr(GByteArray) data = bytes_ramp(count);
   for (int bz = 0; bz < 2; bz++) {
     GByteArray *all = g_byte_array_new();
     for (int i = 0; i < 3; i++) {
-      GByteArray *part = bz ? bzipped(data->data + 20 * i, 20) : deflated(data->data + 20 * i, 20, true);
+      g_autoptr(GByteArray) part = bz ? bzipped(data->data + 20 * i, 20) : deflated(data->data + 20 * i, 20, true);
       g_byte_array_append(all, part->data, part->len);
-      g_byte_array_unref(part);
     }
     g_byte_array_append(all, (const uint8_t *)"\0\0\0\0", 4); /* padding is no harm */
     write_nrrd("m.nrrd", bz ? "type: uchar\ndimension: 3\nsizes: 3 4 5\nencoding: bzip2\n"
                             : "type: uchar\ndimension: 3\nsizes: 3 4 5\nencoding: gz\n", all);
     check_ramp("m.nrrd", TC_U8, 0, 1);
   }
-  g_byte_array_unref(data);
 }
 
 /* ---- space ---- */
@@ -213,12 +204,11 @@ static void check_place(const char *lines, const double *spacing, const double *
   char *all = g_strconcat(U8_HEADER, lines, NULL);
   write_nrrd("g.nrrd", all, bytes_ramp(count));
   g_free(all);
-  tc_volume *v = open_good("g.nrrd");
+  g_autoptr(tc_volume) v = open_good("g.nrrd");
   const tc_volume_desc *d = tc_volume_describe(v);
   check_near(d->spacing, spacing, 3, 1e-12);
   check_near(d->origin, origin, 3, 1e-12);
   check_near(d->direction, direction, 9, 1e-12);
-  tc_volume_unref(v);
 }
 
 TEST(spaces) {
@@ -251,11 +241,10 @@ TEST(axes_without_directions) {
 TEST(words) {
   write_nrrd("w.nrrd", U8_HEADER "modality:=CT\nDICOM.PatientName:=Doe\ncontent: Doe\nsample units: \"HU\"\n",
              bytes_ramp(count));
-  tc_volume *v = open_good("w.nrrd");
+  g_autoptr(tc_volume) v = open_good("w.nrrd");
   assert_string_equal(tc_volume_describe(v)->modality, "CT");
   assert_string_equal(tc_volume_describe(v)->unit, "HU");
   assert_string_equal(tc_volume_describe(v)->note, "");
-  tc_volume_unref(v);
 }
 
 /* ---- axes that are not space ---- */
@@ -319,10 +308,9 @@ TEST(colours_vectors_and_frames) {
 }
 
 TEST(a_flat_image_is_one_slice) {
-  tc_volume *v = open_axes("type: uchar\ndimension: 2\nsizes: 6 10\nspacings: 2 3\nencoding: raw\n", bytes_ramp(60));
+  g_autoptr(tc_volume) v = open_axes("type: uchar\ndimension: 2\nsizes: 6 10\nspacings: 2 3\nencoding: raw\n", bytes_ramp(60));
   check_dims(v, 6, 10, 1);
   check_near(tc_volume_describe(v)->spacing, (double[]){2, 3, 1}, 3, 0);
-  tc_volume_unref(v);
 }
 
 /* ---- refusals ---- */
@@ -384,7 +372,7 @@ TEST(bad_headers) {
 }
 
 TEST(announced_sizes_must_be_possible) {
-  GByteArray *small = bytes_ramp(count);
+  g_autoptr(GByteArray) small = bytes_ramp(count);
   GByteArray *zip = deflated(small->data, small->len, true);
   write_nrrd("b.nrrd", "type: uchar\ndimension: 3\nsizes: 1000 1000 1000\nencoding: gzip\n", zip);
   open_bad("b.nrrd", TC_ERROR_FORMAT, "cannot hold the 1000000000 bytes announced");
@@ -395,25 +383,20 @@ TEST(announced_sizes_must_be_possible) {
   open_bad("b.nrrd", TC_ERROR_FORMAT, "cut short");
   write_nrrd("b.nrrd", "type: uchar\ndimension: 3\nsizes: 3 4 5\nencoding: ascii\n", text_ramp(240, 1, count));
   open_bad("b.nrrd", TC_ERROR_FORMAT, "number 17 is none of type u8");
-  g_byte_array_unref(small);
 }
 
 /* Text is left out: a prefix of its last number is a number too. */
 TEST(every_prefix_is_refused) {
   static const char *const encodings[] = {"raw", "gzip", "bzip2"};
   for (size_t e = 0; e < G_N_ELEMENTS(encodings); e++) {
-    GByteArray *raw = ramp(TC_ELEMENT_I16, 100, 1, count, false);
-    GByteArray *data = e == 1   ? deflated(raw->data, raw->len, true)
+    g_autoptr(GByteArray) raw = ramp(TC_ELEMENT_I16, 100, 1, count, false);
+    g_autoptr(GByteArray) data = e == 1   ? deflated(raw->data, raw->len, true)
                        : e == 2 ? bzipped(raw->data, raw->len)
                                 : g_byte_array_ref(raw);
-    char *header = g_strdup_printf(
+    g_autofree char *header = g_strdup_printf(
         "NRRD0004\ntype: short\ndimension: 3\nsizes: 3 4 5\nendian: little\nencoding: %s\n\n", encodings[e]);
-    GByteArray *file = with_header(header, data);
+    g_autoptr(GByteArray) file = with_header(header, data);
     check_prefixes("prefix.nrrd", file);
-    g_free(header);
-    g_byte_array_unref(file);
-    g_byte_array_unref(data);
-    g_byte_array_unref(raw);
   }
 }
 

@@ -54,12 +54,11 @@ static void write_page(TIFF *tiff, const kind *k, int page) {
 }
 
 static void write_tiff(const char *name, const kind *k) {
-  char *path = path_of(name);
+  g_autofree char *path = path_of(name);
   TIFF *tiff = TIFFOpen(path, k->big_endian ? "wb" : "wl");
   assert_non_null(tiff);
   for (int page = 0; page < PAGES; page++) write_page(tiff, k, page);
   TIFFClose(tiff);
-  g_free(path);
 }
 
 TEST(tiff_of_every_kind) {
@@ -72,7 +71,7 @@ TEST(tiff_of_every_kind) {
   };
   for (const kind *k = kinds; k < kinds + G_N_ELEMENTS(kinds); k++) {
     write_tiff("s.tif", k);
-    tc_volume *v = open_good("s.tif#spacing=0.5,0.25,2");
+    g_autoptr(tc_volume) v = open_good("s.tif#spacing=0.5,0.25,2");
     check_dims(v, WIDTH, HEIGHT, PAGES);
     check_near(tc_volume_describe(v)->spacing, (double[]){0.5, 0.25, 2}, 3, 0);
     for (int i = 0; i < COUNT * PAGES; i++) {
@@ -82,7 +81,6 @@ TEST(tiff_of_every_kind) {
       if (k->photometric == PHOTOMETRIC_MINISWHITE) wanted = 65535 - n;
       assert_true(voxel(v, (size_t)i) == wanted);
     }
-    tc_volume_unref(v);
   }
   char *path = path_of("s.tif"), *bytes;
   gsize size;
@@ -99,7 +97,7 @@ TEST(tiff_of_every_kind) {
 TEST(tiff_of_few_bits) {
   for (uint16_t bits = 1; bits <= 4; bits *= 4) {
     uint8_t row[16] = {0xf0, 0x01, 0x84}; /* the second row is 0 */
-    char *path = path_of("few.tif");
+    g_autofree char *path = path_of("few.tif");
     TIFF *tiff = TIFFOpen(path, "w");
     assert_non_null(tiff);
     TIFFSetField(tiff, TIFFTAG_IMAGEWIDTH, 16);
@@ -109,15 +107,13 @@ TEST(tiff_of_few_bits) {
     TIFFSetField(tiff, TIFFTAG_ROWSPERSTRIP, 2);
     assert_true(TIFFWriteEncodedStrip(tiff, 0, row, 4 * bits) > 0);
     TIFFClose(tiff);
-    tc_volume *v = open_good("few.tif");
+    g_autoptr(tc_volume) v = open_good("few.tif");
     check_dims(v, 16, 2, 1);
     for (int i = 0; i < 16; i++) {
       const int shift = 8 - bits - i * bits % 8;
       assert_true(voxel(v, (size_t)i) == (row[i * bits / 8] >> shift & ((1 << bits) - 1)) * 255 / ((1 << bits) - 1));
     }
     assert_true(!tc_volume_colors(v));
-    tc_volume_unref(v);
-    g_free(path);
   }
 }
 
@@ -137,7 +133,7 @@ static void write_png(const char *name, int width, int depth, int colour, const 
 }
 
 TEST(png_in_a_folder) {
-  char *folder = path_of("f/deep");
+  g_autofree char *folder = path_of("f/deep");
   assert_int_equal(g_mkdir_with_parents(folder, 0700), 0);
   for (int n = 8; n < 12; n++) {
     char name[40];
@@ -163,16 +159,14 @@ TEST(png_in_a_folder) {
   const float *color = tc_volume_segment(tc_volume_colors(v), (uint32_t)label)->color;
   assert_true(lroundf(color[0] * 255) == 200 && lroundf(color[1] * 255) == 100 && lroundf(color[2] * 255) == 50);
   tc_volume_unref(v);
-  g_free(folder);
 }
 
 /* A DICOMDIR names the folder it lies in, whatever is in it. */
 TEST(dicomdir) {
   write_text("f/DICOMDIR", "any");
   write_png("f/deep/im9.png", 3, 16, SPNG_COLOR_TYPE_GRAYSCALE, (uint16_t[]){9000, 1, 2, 3, 4, 5}, 12);
-  tc_volume *v = open_good("f/DICOMDIR");
+  g_autoptr(tc_volume) v = open_good("f/DICOMDIR");
   check_dims(v, 3, 2, 4);
-  tc_volume_unref(v);
 }
 
 TESTS(make_folder, remove_folder)

@@ -3,6 +3,7 @@
 
 #include "renderer/mesh/cases.h"
 #include "renderer/mesh/mesh.h"
+#include "tests/support/scoped.h"
 
 /* ---- cells ---- */
 
@@ -202,8 +203,8 @@ TEST(spheres_converge) {
   for (grid = 17; grid <= 65; grid = 2 * grid - 1) {
     const int dims[3] = {grid, grid, grid};
     const double mm[3] = {2.0 / (grid - 1), 2.0 / (grid - 1), 2.0 / (grid - 1)}; /* a radius of 0.6 mm at 400 */
-    tc_volume *v = make(dims, TC_F32, mm, oblique, 1, sphere);
-    tc_mesh *m = extract(v, 400, 0);
+    g_autoptr(tc_volume) v = make(dims, TC_F32, mm, oblique, 1, sphere);
+    g_autoptr(tc_mesh) m = extract(v, 400, 0);
     topology t = check_manifold(v, m);
     double area, volume, normal;
     measure(m, &area, &volume, &normal);
@@ -220,8 +221,6 @@ TEST(spheres_converge) {
       assert_true(fabs(r - 0.6) < 0.6 * mm[0] * mm[0] + 1e-6);
       assert_true((n[0] * p[0] + n[1] * p[1] + n[2] * p[2]) / r > 0.95);
     }
-    tc_mesh_free(m);
-    tc_volume_unref(v);
   }
 }
 
@@ -235,8 +234,8 @@ TEST(gyroids_converge) {
   double before[2] = {0};
   for (grid = 17; grid <= 65; grid = 2 * grid - 1) {
     const double mm[3] = {2.0 / (grid - 1), 2.0 / (grid - 1), 2.0 / (grid - 1)};
-    tc_volume *v = make((const int[3]){grid, grid, grid}, TC_F32, mm, straight, 1, gyroid);
-    tc_mesh *m = extract(v, 0, 2);
+    g_autoptr(tc_volume) v = make((const int[3]){grid, grid, grid}, TC_F32, mm, straight, 1, gyroid);
+    g_autoptr(tc_mesh) m = extract(v, 0, 2);
     double area, volume, normal, off[2] = {0};
     assert_true(check_manifold(v, m).rim > 0);
     measure(m, &area, &volume, &normal);
@@ -256,20 +255,16 @@ TEST(gyroids_converge) {
       if (before[k] > 0) assert_true(off[k] < 0.35 * before[k] + 2e-3); /* of second order, but for the area's third digit */
       before[k] = off[k];
     }
-    tc_mesh_free(m);
-    tc_volume_unref(v);
   }
 }
 
 TEST(a_torus_has_a_hole) {
   grid = 48;
   const int dims[3] = {48, 48, 48};
-  tc_volume *v = make(dims, TC_I16, even, straight, 1, torus);
-  tc_mesh *m = extract(v, 700, 2);
+  g_autoptr(tc_volume) v = make(dims, TC_I16, even, straight, 1, torus);
+  g_autoptr(tc_mesh) m = extract(v, 700, 2);
   topology t = check_manifold(v, m);
   assert_true(t.rim == 0 && t.euler == 0);
-  tc_mesh_free(m);
-  tc_volume_unref(v);
 }
 
 /* Anisotropic, mirrored, rescaled by a negative slope: outside stays outside, and vertices have the value. */
@@ -278,8 +273,8 @@ TEST(geometry_is_the_patients) {
   const int dims[3] = {30, 30, 30};
   const double mm[3] = {0.7, 1.3, 2.9};
   for (int turn = 0; turn < 4; turn++) {
-    tc_volume *v = make(dims, TC_I16, mm, turn & 1 ? mirrored : oblique, turn & 2 ? -0.25 : 0.25, sphere);
-    tc_mesh *m = extract(v, 350.1, 0);
+    g_autoptr(tc_volume) v = make(dims, TC_I16, mm, turn & 1 ? mirrored : oblique, turn & 2 ? -0.25 : 0.25, sphere);
+    g_autoptr(tc_mesh) m = extract(v, 350.1, 0);
     double area, volume, normal;
     measure(m, &area, &volume, &normal);
     double expected = 4.0 / 3 * G_PI * pow(0.65 * 14.5, 3) * 0.7 * 1.3 * 2.9;
@@ -292,8 +287,6 @@ TEST(geometry_is_the_patients) {
       tc_volume_lps_to_index(v, lps, index);
       assert_true(tc_volume_value_at(v, index, &value) && fabs(value - 350.1) < 0.05);
     }
-    tc_mesh_free(m);
-    tc_volume_unref(v);
   }
 }
 
@@ -314,7 +307,7 @@ TEST(random_fields_are_manifolds) {
   for (seed = 1; seed < 200; seed += 33)
     for (size_t i = 0; i < G_N_ELEMENTS(sizes); i++)
       for (int ties = 0; ties < 2; ties++) {
-        tc_volume *v = make(sizes[i], ties ? TC_U8 : TC_F32, even, straight, 1, ties ? few_values : any_value);
+        g_autoptr(tc_volume) v = make(sizes[i], ties ? TC_U8 : TC_F32, even, straight, 1, ties ? few_values : any_value);
         tc_mesh *m = extract(v, ties ? 2 : 0.5, 0), *again = extract(v, ties ? 2 : 0.5, 3);
         double area, volume, normal;
         check_manifold(v, m);
@@ -325,7 +318,6 @@ TEST(random_fields_are_manifolds) {
         assert_memory_equal(m->triangles, again->triangles, m->n_triangles * sizeof *m->triangles);
         tc_mesh_free(m);
         tc_mesh_free(again);
-        tc_volume_unref(v);
       }
 }
 
@@ -375,7 +367,7 @@ static double some_labels(double x, double y, double z) {
 TEST(labels_keep_every_voxel_on_its_side) {
   const int dims[3] = {7, 6, 5};
   seed = 5;
-  tc_volume *v = make(dims, TC_U8, even, oblique, 1, some_labels);
+  g_autoptr(tc_volume) v = make(dims, TC_U8, even, oblique, 1, some_labels);
   const uint8_t *voxels = tc_volume_data(v);
   for (uint32_t label = 1; label < 4; label++) {
     tc_mesh *m = of_label(v, label, 0), *again = of_label(v, label, 3);
@@ -389,10 +381,8 @@ TEST(labels_keep_every_voxel_on_its_side) {
     tc_mesh_free(m);
     tc_mesh_free(again);
   }
-  tc_mesh *none = of_label(v, 9, 0);
+  g_autoptr(tc_mesh) none = of_label(v, 9, 0);
   assert_int_equal(none->n_triangles, 0);
-  tc_mesh_free(none);
-  tc_volume_unref(v);
 }
 
 static double ball; /* radius in voxels */
@@ -405,8 +395,8 @@ TEST(labels_are_smooth) {
   const double size_bound[] = {0.06, 0.02}, normal_bound[] = {0.9, 0.96};
   for (int large = 0; large < 2; large++) {
     ball = large ? 14.3 : 5.2;
-    tc_volume *v = make(dims, TC_I16, even, mirrored, 1, in_ball);
-    tc_mesh *m = of_label(v, 300, 2);
+    g_autoptr(tc_volume) v = make(dims, TC_I16, even, mirrored, 1, in_ball);
+    g_autoptr(tc_mesh) m = of_label(v, 300, 2);
     double area, volume, normal, worst = 1;
     measure(m, &area, &volume, &normal);
     area /= 4 * G_PI * ball * ball, volume /= 4.0 / 3 * G_PI * ball * ball * ball;
@@ -419,15 +409,11 @@ TEST(labels_are_smooth) {
                   worst);
     assert_true(fabs(area - 1) < size_bound[large] && fabs(volume - 1) < size_bound[large] &&
                 worst > normal_bound[large]);
-    tc_mesh_free(m);
-    tc_volume_unref(v);
   }
-  tc_volume *f = make(dims, TC_F32, even, straight, 1, in_ball);
-  GError *error = NULL;
+  g_autoptr(tc_volume) f = make(dims, TC_F32, even, straight, 1, in_ball);
+  g_autoptr(GError) error = NULL;
   assert_null(tc_mesh_extract_label(f, 300, NULL, &(tc_mesh_options){0}, &error));
   assert_true(g_error_matches(error, TC_ERROR, TC_ERROR_INVALID));
-  g_clear_error(&error);
-  tc_volume_unref(f);
 }
 
 static double three_boxes(double x, double y, double z) {
@@ -439,9 +425,9 @@ TEST(boxes_of_all_labels_are_found_at_once) {
   const int dims[3] = {24, 6, 9};
   static const struct { int16_t label; int first[3], end[3]; } wanted[] = {
       {-2, {3, 4, 5}, {6, 6, 9}}, {300, {20, 0, 0}, {24, 6, 2}}, {7, {10, 1, 1}, {11, 2, 2}}};
-  tc_volume *v = make(dims, TC_I16, even, straight, 1, three_boxes);
-  tc_pool *pool = tc_pool_new(3, NULL);
-  tc_label_boxes *boxes = tc_label_boxes_find(v, pool, NULL);
+  g_autoptr(tc_volume) v = make(dims, TC_I16, even, straight, 1, three_boxes);
+  g_autoptr(tc_pool) pool = tc_pool_new(3, NULL);
+  g_autofree tc_label_boxes *boxes = tc_label_boxes_find(v, pool, NULL);
   assert_int_equal(boxes->n_values, 65536);
   for (size_t i = 0; i < G_N_ELEMENTS(wanted); i++)
     for (int k = 0; k < 3; k++) {
@@ -454,21 +440,18 @@ TEST(boxes_of_all_labels_are_found_at_once) {
   assert_memory_equal(own->positions, given->positions, own->n_vertices * sizeof *own->positions);
   tc_mesh_free(own);
   tc_mesh_free(given);
-  g_free(boxes);
-  tc_pool_free(pool);
-  tc_volume_unref(v);
 }
 
 /* Fewer triangles within the error that was asked for, still closed. */
 TEST(simplification_keeps_its_bound) {
   grid = 41;
   const int dims[3] = {41, 41, 41};
-  tc_volume *v = make(dims, TC_F32, even, straight, 1, sphere);
-  tc_mesh *m = extract(v, 400, 0);
+  g_autoptr(tc_volume) v = make(dims, TC_F32, even, straight, 1, sphere);
+  g_autoptr(tc_mesh) m = extract(v, 400, 0);
   size_t before = m->n_triangles;
   for (double bound = 0.05; bound < 0.5; bound *= 2) {
     GError *error = NULL;
-    tc_mesh *s = tc_mesh_simplify(m, bound, 0, &error);
+    g_autoptr(tc_mesh) s = tc_mesh_simplify(m, bound, 0, &error);
     assert_non_null(s);
     double area, volume, normal, worst = 0;
     measure(s, &area, &volume, &normal);
@@ -482,14 +465,11 @@ TEST(simplification_keeps_its_bound) {
     print_message("%.2f mm: %zu of %zu triangles, off by %.3f mm\n", bound, s->n_triangles, m->n_triangles, worst);
     assert_true(s->n_triangles < before && worst < 2 * bound + 0.02);
     before = s->n_triangles;
-    tc_mesh_free(s);
   }
   tc_mesh *none = extract(v, 5000, 0), *still = tc_mesh_simplify(none, 1, 0, NULL);
   assert_true(still && still->n_triangles == 0);
   tc_mesh_free(none);
   tc_mesh_free(still);
-  tc_mesh_free(m);
-  tc_volume_unref(v);
 }
 
 /* On a face with two opposite corners inside, the saddle of the bilinear field says what is joined. */
@@ -503,12 +483,10 @@ TEST(ambiguous_faces_follow_the_field) {
   const int dims[3] = {2, 2, 2};
   for (int joined = 0; joined < 2; joined++) {
     two_corners = joined ? 1.5 : 0.5;
-    tc_volume *v = make(dims, TC_F32, even, straight, 1, saddle);
-    tc_mesh *m = extract(v, 0, 0);
+    g_autoptr(tc_volume) v = make(dims, TC_F32, even, straight, 1, saddle);
+    g_autoptr(tc_mesh) m = extract(v, 0, 0);
     check_manifold(v, m);
     assert_int_equal(m->n_triangles, joined ? 4 : 2); /* a bridge between the corners, or a piece at each */
-    tc_mesh_free(m);
-    tc_volume_unref(v);
   }
 }
 

@@ -11,14 +11,13 @@ TEST(every_route_is_documented) {
   cJSON *document = tcp_openapi("0"), *paths = cJSON_GetObjectItemCaseSensitive(document, "paths");
   int routes = 0;
   for (const tcs_route *route = tcs_routes; route->method; route++) {
-    char *method = g_ascii_strdown(route->method, -1);
+    g_autofree char *method = g_ascii_strdown(route->method, -1);
     if (is_call(route)) {
       cJSON *path = cJSON_GetObjectItemCaseSensitive(paths, route->pattern);
       if (!cJSON_GetObjectItemCaseSensitive(path, method))
         fail_msg("%s %s is not documented", route->method, route->pattern);
       routes++;
     }
-    g_free(method);
   }
   assert_true(routes > 20);
   cJSON_Delete(document);

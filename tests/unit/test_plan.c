@@ -2,6 +2,7 @@
 #include "tests/support/test.h"
 
 #include "renderer/tomocast.h"
+#include "tests/support/scoped.h"
 
 typedef struct fixture {
   tc_volume *volume;
@@ -50,7 +51,7 @@ TEST(constant_volumes_get_a_scene) {
   for (size_t i = 0; i < G_N_ELEMENTS(values); i++) {
     const tc_volume_desc d = {.dims = {3, 3, 3}, .type = TC_F32, .spacing = {1, 1, 1}, .slope = 1,
                               .direction = {1, 0, 0, 0, 1, 0, 0, 0, 1}};
-    tc_volume *v = tc_volume_new(&d, NULL);
+    g_autoptr(tc_volume) v = tc_volume_new(&d, NULL);
     tc_scene scene;
     tc_explanation plan;
     GError *error = NULL;
@@ -64,7 +65,6 @@ TEST(constant_volumes_get_a_scene) {
       if (!tc_explain(v, &scene, 32, 32, &plan, &error)) fail_msg("%g: %s", (double)values[i], error->message);
       tc_scene_clear(&scene);
     }
-    tc_volume_unref(v);
   }
 }
 

@@ -5,6 +5,7 @@
 #include "renderer/reference/reference.h"
 #include "renderer/classify/transfer.h"
 #include "renderer/frame/resources.h"
+#include "tests/support/scoped.h"
 
 typedef struct { double c[3], t; } light;
 
@@ -43,7 +44,7 @@ static const float *entry(const tc_table *t, int front, int back) {
 
 static double worst(const tc_table_params *p, tc_pool *pool, int samples, const char *name) {
   GError *error = NULL;
-  tc_table *t = tc_table_build(p, pool, &error);
+  g_autoptr(tc_table) t = tc_table_build(p, pool, &error);
   assert_non_null(t);
   double most = 0;
   uint32_t state = 7;
@@ -64,7 +65,6 @@ static double worst(const tc_table_params *p, tc_pool *pool, int samples, const 
     assert_true(e[3] >= 0 && e[3] <= 1);
   }
   printf("%-28s n=%4d %7.2f ms  max error %.2e\n", name, t->n, t->build_ms, most);
-  tc_table_free(t);
   return most;
 }
 
@@ -103,7 +103,7 @@ TEST(against_the_reference) {
                {"inside of an interval", inside, 4, TC_KNOT_OPACITY, 1, 1},
                {"a peak inside of it", peak, 5, TC_KNOT_OPACITY, 1, 1},
                {"a hundred times denser", peak, 5, TC_KNOT_OPACITY, 1e-2, 1}};
-  tc_pool *pool = tc_pool_new(2, NULL);
+  g_autoptr(tc_pool) pool = tc_pool_new(2, NULL);
   for (size_t i = 0; i < G_N_ELEMENTS(cases); i++)
     for (int way = 0; way < 4; way++) { /* linear light or not; 1024 nodes; down the axis */
       tc_transfer_function tf;
@@ -115,7 +115,6 @@ TEST(against_the_reference) {
       double most = worst(&p, pool, way < 2 ? 400 : 100, cases[i].name);
       if (!(most < 1e-6)) fail_msg("%s, way %d: off by %g", cases[i].name, way, most);
     }
-  tc_pool_free(pool);
 }
 
 /* Extinction linear in the value and colour linear too: the segment's colour has a closed form with erf. */
@@ -126,7 +125,7 @@ TEST(closed_form) {
     tc_table_params p = params(&tf, knots, 2, TC_KNOT_EXTINCTION, 257, 1);
     p.voxel_hi = 256;
     GError *error = NULL;
-    tc_table *t = tc_table_build(&p, NULL, &error);
+    g_autoptr(tc_table) t = tc_table_build(&p, NULL, &error);
     assert_non_null(t);
     /* tau(u) = top*u, L = u: C = integral u * top*u * exp(-top u^2/2) = sqrt(pi/(2 top)) erf(sqrt(top/2)) -
      * exp(-top/2) */
@@ -136,7 +135,6 @@ TEST(closed_form) {
            error_a = fabs((double)entry(t, 0, 256)[3] + expm1(-top / 2));
     printf("ramp to %8.0e: colour error %.1e, opacity error %.1e\n", top, error_c, error_a);
     assert_true(error_c < 3e-6 && error_a < 3e-6);
-    tc_table_free(t);
   }
 }
 
@@ -150,13 +148,12 @@ TEST(one_colour) {
       tc_knot knot = {100, {0.7, 0.2, 1}, depth};
       tc_transfer_function tf;
       tc_table_params p = params(&tf, &knot, 1, TC_KNOT_EXTINCTION, sizes[s], 1);
-      tc_table *t = tc_table_build(&p, NULL, NULL);
+      g_autoptr(tc_table) t = tc_table_build(&p, NULL, NULL);
       double w = -expm1(-depth), want[4] = {0.7 * w, 0.2 * w, w, w};
       for (int k = 1; k < p.n; k += 1 + p.n / 200)
         for (int i = 0; i + k < p.n; i += 1 + p.n / 100)
           for (int c = 0; c < 8; c++)
             most = fmax(most, fabs((double)(c < 4 ? entry(t, i, i + k) : entry(t, i + k, i))[c % 4] - want[c % 4]));
-      tc_table_free(t);
     }
     printf("one colour, n=%4d: max error %.1e\n", sizes[s], most);
     assert_true(most < 5e-7);
@@ -174,9 +171,9 @@ TEST(very_many_knots) {
     knots[i] = (tc_knot){v, {0.5, i % 2, 0.25}, (0.4 + 0.3 * sin(v / 20)) * (i % 3 ? 1 : 0.2)};
   }
   tc_table_params p = params(&tf, knots, count, TC_KNOT_OPACITY, 1024, 1);
-  tc_pool *pool = tc_pool_new(2, NULL);
+  g_autoptr(tc_pool) pool = tc_pool_new(2, NULL);
   GError *error = NULL;
-  tc_table *t = tc_table_build(&p, pool, &error);
+  g_autoptr(tc_table) t = tc_table_build(&p, pool, &error);
   assert_non_null(t);
   double most = 0, most_c = 0;
   for (int i = 0; i < 1000; i++) {
@@ -186,8 +183,6 @@ TEST(very_many_knots) {
   }
   printf("%zu knots: %.0f ms, opacity error %.1e, colour error %.1e\n", count, t->build_ms, most, most_c);
   assert_true(most < 1e-6 && most_c < 1e-6);
-  tc_table_free(t);
-  tc_pool_free(pool);
   free(knots);
 }
 
@@ -199,7 +194,7 @@ TEST(elementary_segments) {
       tc_knot knots[] = {{0, {0.2, 0.9, 1}, depth * (1 - tilt)}, {63, {1, 0.4, 0}, depth * (1 + tilt)}};
       tc_transfer_function tf = {.points = knots, .count = 2, .kind = TC_KNOT_EXTINCTION, .unit_distance_mm = 1};
       tc_table_params p = {.tf = &tf, .slope = 1, .voxel_lo = 0, .voxel_hi = 63, .n = 64, .step_mm = 1};
-      tc_table *t = tc_table_build(&p, NULL, NULL);
+      g_autoptr(tc_table) t = tc_table_build(&p, NULL, NULL);
       static const int pairs[][2] = {{0, 1}, {1, 0}, {30, 31}, {0, 63}, {63, 0}, {17, 21}, {40, 33}};
       for (size_t i = 0; i < sizeof pairs / sizeof *pairs; i++) {
         light l = integral(&tf, pairs[i][0], pairs[i][1], 1, false);
@@ -212,7 +207,6 @@ TEST(elementary_segments) {
                      c, (double)e[c], want);
         }
       }
-      tc_table_free(t);
     }
 }
 
@@ -222,7 +216,7 @@ TEST(invariants) {
   for (double step = 1e-6; step < 1e7; step *= 1000) {
     tc_table_params p = params(&tf, jumping, 8, TC_KNOT_EXTINCTION, 64, step);
     GError *error = NULL;
-    tc_pool *pool = tc_pool_new(3, NULL);
+    g_autoptr(tc_pool) pool = tc_pool_new(3, NULL);
     tc_table *a = tc_table_build(&p, NULL, &error), *b = tc_table_build(&p, pool, &error);
     assert_memory_equal(a->entries, b->entries, a->bytes);
     for (int f = 0; f < 64; f++)
@@ -234,7 +228,6 @@ TEST(invariants) {
       }
     tc_table_free(a);
     tc_table_free(b);
-    tc_pool_free(pool);
   }
 }
 
@@ -252,7 +245,7 @@ TEST(after_an_edit) {
   } edits[] = {{"nothing", 1, 0, 0, 0, LOW},           {"a knot's amount", 2, 0, 0.04, 0, LOW},
                {"a knot's place", 1, 3.3, 0, 0, HIGH}, {"the first knot", 0, -2, 0.1, 0, HIGH},
                {"a colour", 2, 0, 0, 0.05, LOW},       {"the brightest colour", 3, 0, 0, -0.5, NONE}};
-  tc_pool *pool = tc_pool_new(2, NULL);
+  g_autoptr(tc_pool) pool = tc_pool_new(2, NULL);
   for (size_t i = 0; i < sizeof edits / sizeof *edits; i++)
     for (int n = 61; n <= 256; n += 195) {
       tc_knot before[4], after[4];
@@ -275,12 +268,11 @@ TEST(after_an_edit) {
       for (int end = LOW; end <= HIGH; end++) { /* found by a mark that only a copy can have */
         float *mark = like->zero_row + 4 * (2 * like->columns + (end == LOW ? 3 : n - 9)), was = *mark;
         *mark = 0.123f;
-        tc_table *copy = rebuild(&p, like, pool);
+        g_autoptr(tc_table) copy = rebuild(&p, like, pool);
         bool copied = copy->zero_row[mark - like->zero_row] == 0.123f;
         if (copied != (i == 0 || edits[i].kept == end))
           fail_msg("%s moved, n = %d, end %d: copied %d", edits[i].what, n, end, copied);
         *mark = was;
-        tc_table_free(copy);
       }
       p.step_mm = 0.8, p.n_subtables = 0; /* a like table of no use */
       other = rebuild(&p, like, pool);
@@ -289,7 +281,6 @@ TEST(after_an_edit) {
       assert_memory_equal(other->entries, b->entries, b->bytes);
       tc_table_free(like), tc_table_free(a), tc_table_free(b), tc_table_free(other);
     }
-  tc_pool_free(pool);
 }
 
 /* Entries that an outline gets later count in the cache like any, and what is older goes for them. */
@@ -412,11 +403,11 @@ TEST(subtables_where_knots_are_close) {
   for (size_t i = 0; i < sizeof cases / sizeof *cases; i++) {
     tc_transfer_function tf = {
         .points = cases[i].knots, .count = cases[i].count, .kind = TC_KNOT_OPACITY, .unit_distance_mm = 1};
-    tc_volume *volume = range_of(cases[i].type, cases[i].lo, cases[i].hi);
+    g_autoptr(tc_volume) volume = range_of(cases[i].type, cases[i].lo, cases[i].hi);
     tc_table_params p = {.tf = &tf, .slope = 1, .step_mm = 1};
     bool complete;
     tc_table_choose(volume, &p, &complete);
-    tc_table *t = tc_table_build(&p, NULL, NULL);
+    g_autoptr(tc_table) t = tc_table_build(&p, NULL, NULL);
     printf("%-20s n=%4d, %d subtables, %.2f ms on one thread\n", cases[i].what, p.n, p.n_subtables, t->build_ms);
     assert_int_equal(p.n, cases[i].n);
     assert_int_equal(p.n_subtables, cases[i].subtables);
@@ -428,8 +419,6 @@ TEST(subtables_where_knots_are_close) {
       light near = integral(&tf, p.subtables[z].lo + 107 * node, p.subtables[z].lo + 158 * node, 1, false);
       assert_true(fabs((double)e[3] - (1 - near.t)) < 3e-6 && fabs((double)e[0] - near.c[0]) < 3e-6);
     }
-    tc_table_free(t);
-    tc_volume_unref(volume);
   }
 }
 

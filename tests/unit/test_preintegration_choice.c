@@ -5,6 +5,7 @@
 #include "renderer/classify/preintegration.h"
 #include "renderer/classify/transfer.h"
 #include "server/bench/report.h"
+#include "tests/support/scoped.h"
 
 /* ---- a ray of segments looked up, and the same integrated ---- */
 
@@ -216,7 +217,7 @@ static double judge(family of, uint64_t seed, bool *complete, double *most) {
   tc_knot knots[16];
   tc_transfer_function tf = {.points = knots, .kind = TC_KNOT_EXTINCTION, .unit_distance_mm = 1};
   tf.count = draw_knots(of, knots, lo, hi, unit, &s);
-  tc_volume *volume = range_of(type, lo, hi);
+  g_autoptr(tc_volume) volume = range_of(type, lo, hi);
   tc_table_params p = {.tf = &tf, .slope = 1, .step_mm = 0.5};
   tc_table_choose(volume, &p, complete);
   medium m = {&tf, tc_table_build(&p, NULL, NULL), p.voxel_lo, p.voxel_hi, p.step_mm, TC_EDGE_UNITS * unit, most};
@@ -227,7 +228,6 @@ static double judge(family of, uint64_t seed, bool *complete, double *most) {
     worst = fmax(worst, mean_error(&m, about, delta, 24, &s));
   }
   tc_table_free(m.table);
-  tc_volume_unref(volume);
   return worst;
 }
 

@@ -2,6 +2,7 @@
 #include "tests/support/test.h"
 
 #include "protocol/protocol.h"
+#include "tests/support/scoped.h"
 
 static cJSON *parse(const char *text) { return tcp_json_parse(text, strlen(text), NULL); }
 
@@ -14,9 +15,8 @@ TEST(accepts_json) {
   };
   /* clang-format on */
   for (size_t i = 0; i < G_N_ELEMENTS(good); i++) {
-    cJSON *value = parse(good[i]);
+    g_autoptr(cJSON) value = parse(good[i]);
     if (!value) fail_msg("refused: %s", good[i]);
-    cJSON_Delete(value);
   }
 }
 
@@ -32,12 +32,11 @@ TEST(refuses_what_is_not_json) {
   };
   /* clang-format on */
   for (size_t i = 0; i < G_N_ELEMENTS(bad); i++) {
-    GError *error = NULL;
+    g_autoptr(GError) error = NULL;
     cJSON *value = tcp_json_parse(bad[i], strlen(bad[i]), &error);
     if (value) fail_msg("accepted: %s", bad[i]);
     assert_true(g_error_matches(error, TC_ERROR, TC_ERROR_SYNTAX));
     assert_non_null(strstr(error->message, "JSON line "));
-    g_error_free(error);
   }
 }
 
@@ -50,10 +49,9 @@ TEST(says_line_and_column) {
                {"[1] 2", "line 1 column 5"},
                {"", "line 1 column 1"}};
   for (size_t i = 0; i < G_N_ELEMENTS(cases); i++) {
-    GError *error = NULL;
+    g_autoptr(GError) error = NULL;
     assert_null(tcp_json_parse(cases[i].text, strlen(cases[i].text), &error));
     if (!strstr(error->message, cases[i].place)) fail_msg("%s: wanted %s", error->message, cases[i].place);
-    g_error_free(error);
   }
 }
 
@@ -75,11 +73,10 @@ static char *nested(int depth) {
 
 TEST(depth_is_at_most_32) {
   char *good = nested(32), *bad = nested(33), *absurd = g_strnfill(1000000, '[');
-  cJSON *value = parse(good);
+  g_autoptr(cJSON) value = parse(good);
   assert_non_null(value);
   assert_null(parse(bad));
   assert_null(parse(absurd));
-  cJSON_Delete(value);
   g_free(good);
   g_free(bad);
   g_free(absurd);

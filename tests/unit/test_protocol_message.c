@@ -2,6 +2,7 @@
 #include "tests/support/test.h"
 
 #include "protocol/protocol.h"
+#include "tests/support/scoped.h"
 
 static bool parse(const char *text, tcp_message *message, GError **error) {
   return tcp_message_parse(text, strlen(text), message, error);
@@ -50,12 +51,11 @@ TEST(refuses_messages) {
                {"{\"type\":\"ping\",\"t\":\"1\"}", "/t"}};
   for (size_t i = 0; i < G_N_ELEMENTS(cases); i++) {
     tcp_message m;
-    GError *error = NULL;
+    g_autoptr(GError) error = NULL;
     if (parse(cases[i].text, &m, &error)) fail_msg("accepted: %s", cases[i].text);
     if (g_strcmp0(tc_error_pointer(error), cases[i].pointer) != 0)
       fail_msg("%s: pointer %s", cases[i].text, tc_error_pointer(error));
     assert_null(m.scene);
-    g_error_free(error);
   }
 }
 
@@ -129,26 +129,23 @@ TEST(problems) {
                {TC_ERROR_INTERNAL, 500, "urn:tomocast:problem:internal"}};
   assert_int_equal(G_N_ELEMENTS(cases), TC_ERROR_CODE_COUNT);
   for (size_t i = 0; i < G_N_ELEMENTS(cases); i++) {
-    GError *error = NULL;
+    g_autoptr(GError) error = NULL;
     tc_set_error(&error, cases[i].code, i ? NULL : "/camera/up", "camera.up: is %s", "wrong");
-    cJSON *p = tcp_problem(error);
+    g_autoptr(cJSON) p = tcp_problem(error);
     assert_int_equal(tcp_problem_status(error), cases[i].status);
     assert_int_equal(cJSON_GetObjectItem(p, "status")->valueint, cases[i].status);
     assert_string_equal(cJSON_GetObjectItem(p, "type")->valuestring, cases[i].type);
     assert_string_equal(cJSON_GetObjectItem(p, "detail")->valuestring, "camera.up: is wrong");
     assert_true(strlen(cJSON_GetObjectItem(p, "title")->valuestring) > 0);
     assert_int_equal(cJSON_HasObjectItem(p, "pointer"), i == 0);
-    cJSON_Delete(p);
-    g_error_free(error);
   }
 }
 
 TEST(foreign_errors_are_internal) {
   GError *error = g_error_new(G_FILE_ERROR, G_FILE_ERROR_NOENT, "no \xff such file");
-  cJSON *p = tcp_problem(error);
+  g_autoptr(cJSON) p = tcp_problem(error);
   assert_int_equal(tcp_problem_status(error), 500);
   assert_true(g_utf8_validate(cJSON_GetObjectItem(p, "detail")->valuestring, -1, NULL));
-  cJSON_Delete(p);
   g_error_free(error);
 }
 

@@ -2,6 +2,7 @@
 #include "tests/support/test.h"
 
 #include "protocol/protocol.h"
+#include "tests/support/scoped.h"
 
 static const tcp_scene_context context = {-1000, 3000};
 
@@ -20,10 +21,9 @@ static int tear_down(void **state) {
 }
 
 static bool patch(const char *text, GError **error) {
-  cJSON *document = tcp_json_parse(text, strlen(text), NULL);
+  g_autoptr(cJSON) document = tcp_json_parse(text, strlen(text), NULL);
   if (!document) fail_msg("the test's own JSON is wrong: %s", text);
   bool good = tcp_scene_patch(&scene, document, &defaults, &context, error);
-  cJSON_Delete(document);
   return good;
 }
 
@@ -34,18 +34,15 @@ static void accept(const char *text) {
 
 /* Refused with this code, pointer and a message that holds `words`; the scene stays. */
 static void refuse(const char *text, tc_error_code code, const char *pointer, const char *words) {
-  GError *error = NULL;
-  cJSON *before = tcp_scene_write(&scene);
+  g_autoptr(GError) error = NULL;
+  g_autoptr(cJSON) before = tcp_scene_write(&scene);
   if (patch(text, &error)) fail_msg("accepted: %s", text);
-  cJSON *after = tcp_scene_write(&scene);
+  g_autoptr(cJSON) after = tcp_scene_write(&scene);
   if (!cJSON_Compare(before, after, true)) fail_msg("changed the scene: %s", text);
   if (error->code != (int)code) fail_msg("%s: code %d: %s", text, error->code, error->message);
   if (g_strcmp0(tc_error_pointer(error), pointer) != 0) fail_msg("%s: pointer %s", text, tc_error_pointer(error));
   if (!strstr(error->message, words)) fail_msg("%s: \"%s\" lacks \"%s\"", text, error->message, words);
   if (strchr(error->message, '\n')) fail_msg("%s: more than one line", text);
-  g_error_free(error);
-  cJSON_Delete(before);
-  cJSON_Delete(after);
 }
 
 /* A document that sets every member there is. */
@@ -89,15 +86,13 @@ TEST_WITH(round_trip, set_up, tear_down) {
 
 TEST_WITH(written_scene_is_accepted_unchanged, set_up, tear_down) {
   accept("{\"transferFunction\":{\"preset\":\"surface\"}}");
-  cJSON *first = tcp_scene_write(&scene);
+  g_autoptr(cJSON) first = tcp_scene_write(&scene);
   tc_scene_clear(&scene);
   tc_scene_copy(&scene, &defaults);
   assert_true(tcp_scene_patch(&scene, first, &defaults, &context, NULL));
-  cJSON *second = tcp_scene_write(&scene);
+  g_autoptr(cJSON) second = tcp_scene_write(&scene);
   assert_true(cJSON_Compare(first, second, true));
   assert_string_equal(scene.transfer_function.preset, "surface");
-  cJSON_Delete(first);
-  cJSON_Delete(second);
 }
 
 TEST_WITH(null_returns_to_defaults, set_up, tear_down) {
@@ -110,9 +105,8 @@ TEST_WITH(null_returns_to_defaults, set_up, tear_down) {
                                        "hideTable",      "mesh"};
   accept(everything);
   for (size_t i = 0; i < G_N_ELEMENTS(groups); i++) {
-    char *text = g_strdup_printf("{\"%s\":null}", groups[i]);
+    g_autofree char *text = g_strdup_printf("{\"%s\":null}", groups[i]);
     accept(text);
-    g_free(text);
   }
   cJSON *now = tcp_scene_write(&scene), *wanted = tcp_scene_write(&defaults);
   assert_true(cJSON_Compare(now, wanted, true));
@@ -217,14 +211,13 @@ static cJSON *knots_patch(int count) {
 }
 
 TEST_WITH(knot_limit, set_up, tear_down) {
-  GError *error = NULL;
+  g_autoptr(GError) error = NULL;
   cJSON *most = knots_patch(TC_MAX_KNOTS), *more = knots_patch(TC_MAX_KNOTS + 1);
   assert_true(tcp_scene_patch(&scene, most, &defaults, &context, NULL));
   assert_int_equal(scene.transfer_function.count, TC_MAX_KNOTS);
   assert_float_equal(scene.transfer_function.points[0].value, 1, 0);
   assert_false(tcp_scene_patch(&scene, more, &defaults, &context, &error));
   assert_true(g_error_matches(error, TC_ERROR, TC_ERROR_LIMIT));
-  g_error_free(error);
   cJSON_Delete(most);
   cJSON_Delete(more);
 }
@@ -342,20 +335,16 @@ TEST_WITH(what_is_shown_is_what_the_mode_uses, set_up, tear_down) {
                                          {"mesh", "mode image camera isosurface mesh labels"}};
   accept("{\"labels\":{\"volume\":\"parts\"},\"clip\":{\"planes\":[[0,0,1,4],[0,0,-1,8]]}}");
   for (size_t i = 0; i < G_N_ELEMENTS(modes); i++) {
-    char *patch = g_strdup_printf("{\"mode\":\"%s\"}", modes[i][0]);
+    g_autofree char *patch = g_strdup_printf("{\"mode\":\"%s\"}", modes[i][0]);
     accept(patch);
-    cJSON *shown = tcp_scene_write_shown(&scene);
-    char **names = g_strsplit(modes[i][1], " ", -1);
+    g_autoptr(cJSON) shown = tcp_scene_write_shown(&scene);
+    g_auto(GStrv) names = g_strsplit(modes[i][1], " ", -1);
     for (guint k = 0; names[k]; k++) assert_true(cJSON_HasObjectItem(shown, names[k]));
     assert_int_equal(cJSON_GetArraySize(shown), g_strv_length(names));
-    g_strfreev(names);
-    cJSON_Delete(shown);
-    g_free(patch);
   }
   accept("{\"labels\":null}");
-  cJSON *shown = tcp_scene_write_shown(&scene);
+  g_autoptr(cJSON) shown = tcp_scene_write_shown(&scene);
   assert_false(cJSON_HasObjectItem(shown, "labels"));
-  cJSON_Delete(shown);
 }
 
 static cJSON *random_labels(void) {
@@ -383,10 +372,10 @@ TEST_WITH(lists_read_beforehand_are_not_read_again, set_up, tear_down) {
   accept("{\"labels\":{\"colors\":{\"7\":[1,0,0,1],\"3\":[0,1,0,1],\"30\":[1,1,0,1]}}}");
   tc_scene_take_colors(&defaults, &scene);
   for (int i = 0; i < 50; i++) {
-    cJSON *document = random_labels();
+    g_autoptr(cJSON) document = random_labels();
     tcp_lists lists;
     GError *error = NULL;
-    tc_scene other;
+    g_auto(tc_scene) other;
     tc_scene_copy(&other, &scene);
     assert_true(tcp_scene_patch(&scene, document, &defaults, &context, &error));
     assert_true(tcp_lists_read(document, &lists, &error));
@@ -398,8 +387,6 @@ TEST_WITH(lists_read_beforehand_are_not_read_again, set_up, tear_down) {
     cJSON_Delete(plain);
     cJSON_Delete(listed);
     tcp_lists_clear(&lists);
-    tc_scene_clear(&other);
-    cJSON_Delete(document);
   }
 }
 
@@ -422,17 +409,14 @@ TEST(set_expressions) {
                                     "a..b=1", "a=[1",  "a={\"b\":1", "a=\"x", "a.b.c.d.e.f.g.h.i=1",
                                     "a=\xff", "\xff=1"};
   for (size_t i = 0; i < G_N_ELEMENTS(good); i++) {
-    cJSON *wanted = tcp_json_parse(good[i][1], strlen(good[i][1]), NULL);
-    cJSON *got = tcp_scene_set_expression(good[i][0], NULL);
+    g_autoptr(cJSON) wanted = tcp_json_parse(good[i][1], strlen(good[i][1]), NULL);
+    g_autoptr(cJSON) got = tcp_scene_set_expression(good[i][0], NULL);
     if (!cJSON_Compare(wanted, got, true)) fail_msg("%s", good[i][0]);
-    cJSON_Delete(wanted);
-    cJSON_Delete(got);
   }
   for (size_t i = 0; i < G_N_ELEMENTS(bad); i++) {
-    GError *error = NULL;
+    g_autoptr(GError) error = NULL;
     if (tcp_scene_set_expression(bad[i], &error)) fail_msg("accepted: %s", bad[i]);
     assert_true(g_error_matches(error, TC_ERROR, TC_ERROR_SYNTAX));
-    g_error_free(error);
   }
 }
 

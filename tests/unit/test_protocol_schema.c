@@ -2,12 +2,13 @@
 #include "tests/support/test.h"
 
 #include "protocol/protocol.h"
+#include "tests/support/scoped.h"
 
 #define SCHEMA_FILE TC_SOURCE_DIR "/protocol/scene.schema.json"
 
 /* With TC_WRITE_SCHEMA set the file is written anew first. */
 TEST(file_agrees_with_table) {
-  cJSON *schema = tcp_scene_schema();
+  g_autoptr(cJSON) schema = tcp_scene_schema();
   char *text = cJSON_Print(schema), *file = NULL;
   gsize size;
   char *wanted = g_strconcat(text, "\n", NULL);
@@ -18,14 +19,12 @@ TEST(file_agrees_with_table) {
   g_free(file);
   g_free(wanted);
   cJSON_free(text);
-  cJSON_Delete(schema);
 }
 
 static cJSON *at(cJSON *json, const char *path) {
-  char **names = g_strsplit(path, "/", -1);
+  g_auto(GStrv) names = g_strsplit(path, "/", -1);
   for (char **name = names; *name && json; name++)
     json = cJSON_GetObjectItemCaseSensitive(json, *name);
-  g_strfreev(names);
   return json;
 }
 
@@ -41,7 +40,7 @@ static void check_described(cJSON *value, cJSON *schema, const char *where) {
 }
 
 TEST(schema_describes_what_is_written) {
-  tc_scene scene;
+  g_auto(tc_scene) scene;
   tc_scene_init(&scene);
   cJSON *schema = tcp_scene_schema(), *written = tcp_scene_write(&scene);
   check_described(written, schema, "scene");
@@ -52,17 +51,15 @@ TEST(schema_describes_what_is_written) {
   assert_int_equal(cJSON_GetArraySize(at(schema, "properties/mode/enum")), TC_MODE_COUNT);
   cJSON_Delete(schema);
   cJSON_Delete(written);
-  tc_scene_clear(&scene);
 }
 
 TEST(defaults_are_a_valid_patch) {
   tc_scene scene, defaults;
   tc_scene_init(&scene);
   tc_scene_init(&defaults);
-  cJSON *written = tcp_scene_write(&defaults);
+  g_autoptr(cJSON) written = tcp_scene_write(&defaults);
   GError *error = NULL;
   if (!tcp_scene_patch(&scene, written, &defaults, NULL, &error)) fail_msg("%s", error->message);
-  cJSON_Delete(written);
   tc_scene_clear(&scene);
   tc_scene_clear(&defaults);
 }
@@ -108,7 +105,7 @@ TEST(openapi_is_complete) {
                                          {"/v1/sessions/{id}/stream", "get"},
                                          {"/v1/sessions/{id}/stream.mjpeg", "get"},
                                          {"/", "get"}};
-  cJSON *document = tcp_openapi("1.2.3");
+  g_autoptr(cJSON) document = tcp_openapi("1.2.3");
   assert_non_null(document);
   assert_string_equal(at(document, "openapi")->valuestring, "3.1.0");
   assert_string_equal(at(document, "info/version")->valuestring, "1.2.3");
@@ -121,7 +118,6 @@ TEST(openapi_is_complete) {
     assert_non_null(at(call, "responses/default"));
   }
   check_references(document, document);
-  cJSON_Delete(document);
 }
 
 /* What the presets' document lists can be sent back: by name and by points. */

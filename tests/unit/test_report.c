@@ -8,6 +8,7 @@
 #include "protocol/protocol.h"
 #include "server/bench/report.h"
 #include "tests/support/folder.h"
+#include "tests/support/scoped.h"
 
 static char *path_of(const char *name) { return g_build_filename(folder, "out", name, NULL); }
 
@@ -19,11 +20,10 @@ static char *read_out(const char *name) {
 }
 
 static cJSON *json_out(const char *name) {
-  char *text = read_out(name);
+  g_autofree char *text = read_out(name);
   GError *error = NULL;
   cJSON *json = tcp_json_parse(text, strlen(text), &error);
   if (!json) fail_msg("%s: %s", name, error->message);
-  g_free(text);
   return json;
 }
 
@@ -214,11 +214,10 @@ TEST(goes_on_where_it_ended) {
   for (int i = 0; i < 3; i++) cut = g_strrstr_len(text, cut - text, "\n");
   assert_true(g_file_set_contents(path, text, cut - text - 20, NULL)); /* three lines gone, a fourth torn */
   run_quick(4);
-  char *again = read_out("results.jsonl");
+  g_autofree char *again = read_out("results.jsonl");
   assert_int_equal(lines_of(again), before + 1); /* the torn one stays, ended */
   assert_memory_equal(again, text, (size_t)(cut - text - 20));
   run_quick(0);
-  g_free(again);
   g_free(path);
   g_free(text);
 }
@@ -258,13 +257,11 @@ TEST(an_interrupt_leaves_a_report) {
   page_is_whole();
   g_free(text);
   text = read_out("results.jsonl");
-  char **lines = g_strsplit(text, "\n", -1);
+  g_auto(GStrv) lines = g_strsplit(text, "\n", -1);
   for (char **line = lines; **line; line++) {
-    cJSON *json = tcp_json_parse(*line, strlen(*line), NULL);
+    g_autoptr(cJSON) json = tcp_json_parse(*line, strlen(*line), NULL);
     assert_non_null(json);
-    cJSON_Delete(json);
   }
-  g_strfreev(lines);
   g_free(text);
   g_free(path);
 }
@@ -328,7 +325,7 @@ TEST(settings_follow_the_plan) {
   assert_true(tcs_report_scene_make(0, &scene, NULL));
   GArray *settings = tcs_report_settings(&scene, false, true, left_out);
   for (int c = 0; c < TC_CLASSIFICATION_COUNT; c++) {
-    tc_scene asked;
+    g_auto(tc_scene) asked;
     tc_explanation plan;
     int found = 0;
     tc_scene_copy(&asked, &scene.scene);
@@ -338,7 +335,6 @@ TEST(settings_follow_the_plan) {
       found += g_array_index(settings, tcs_setting, i).classification == (tc_classification)c;
     if (taken != (found > 0)) fail_msg("classification %d: %d settings, plan says %d", c, found, taken);
     if (!taken) assert_true(cJSON_GetArraySize(left_out) > 0);
-    tc_scene_clear(&asked);
   }
   g_array_free(settings, TRUE);
   cJSON_Delete(left_out);
@@ -366,9 +362,8 @@ static void add(GArray *rows, double step, double ms, double rms, double anchor)
 }
 
 static void says(const GArray *rows, const char *expected) {
-  char *conclusion = tcs_report_conclusion(rows, "s");
+  g_autofree char *conclusion = tcs_report_conclusion(rows, "s");
   assert_string_equal(conclusion, expected);
-  g_free(conclusion);
 }
 
 TEST(fronts_slopes_and_cheapest) {

@@ -6,6 +6,7 @@
 #include <glib.h>
 
 #include "renderer/scene/scene.h"
+#include "tests/support/scoped.h"
 
 TEST(defaults) {
   tc_scene s;
@@ -94,9 +95,8 @@ TEST(digests_tell_lists_apart) {
 /* Jobs carry scenes to other threads. */
 static void *copy_and_clear(void *user) {
   for (int i = 0; i < 20000; i++) {
-    tc_scene copy;
+    g_auto(tc_scene) copy;
     tc_scene_copy(&copy, user);
-    tc_scene_clear(&copy);
   }
   tc_scene_clear(user);
   return NULL;

@@ -171,14 +171,13 @@ TEST(test_hashed_tokens) {
   char hex[2 * TCS_HASH_SIZE + 1];
   tcs_hash(FIRST, hash);
   tcs_hex(hash, sizeof hash, hex);
-  char *text = g_strdup_printf("anna admin sha256:%s\n", hex);
+  g_autofree char *text = g_strdup_printf("anna admin sha256:%s\n", hex);
   tcs_tokens *tokens = tcs_tokens_parse(text, &clear, NULL);
   assert_non_null(tokens);
   assert_false(clear);
   assert_non_null(tcs_tokens_find(tokens, FIRST, NULL));
   assert_null(tcs_tokens_find(tokens, hex, NULL)); /* the hash opens nothing */
   tcs_tokens_free(tokens);
-  g_free(text);
 }
 
 TEST(test_token_files_that_are_wrong) {
@@ -199,12 +198,11 @@ TEST(test_token_files_that_are_wrong) {
   };
   for (size_t i = 0; i < G_N_ELEMENTS(cases); i++) {
     bool clear;
-    GError *error = NULL;
+    g_autoptr(GError) error = NULL;
     assert_null(tcs_tokens_parse(cases[i].text, &clear, &error));
     if (!strstr(error->message, cases[i].message)) fail_msg("case %zu: %s", i, error->message);
     assert_null(strstr(error->message, "short"));
     assert_null(strstr(error->message, "0123456789abcde")); /* never the token itself */
-    g_clear_error(&error);
   }
 }
 
@@ -231,10 +229,9 @@ TEST(test_modes_of_token_files) {
   check_file("a view " FIRST "\n", 0604, "others may read it");
   check_file(hashed, 0644, "");
   check_file(hashed, 0666, "others may write it");
-  GError *error = NULL;
+  g_autoptr(GError) error = NULL;
   assert_null(tcs_tokens_read("/nothing/here", &error));
   assert_non_null(strstr(error->message, "--token-file /nothing/here: "));
-  g_clear_error(&error);
 }
 
 TEST(test_every_token_is_compared) {
@@ -463,9 +460,8 @@ TEST(test_peers_behind_proxies) {
   assert_true(tcs_proxies_add(proxies, "fd00::/8", NULL));
   assert_true(tcs_proxies_add(proxies, "192.0.2.1", NULL));
   for (size_t i = 0; i < G_N_ELEMENTS(wrong); i++) {
-    GError *error = NULL;
+    g_autoptr(GError) error = NULL;
     if (tcs_proxies_add(proxies, wrong[i], &error)) fail_msg("taken: %s", wrong[i]);
-    g_error_free(error);
   }
   peer_of(proxies, "10.127.2.3", NULL, "9.9.9.9", "9.9.9.9");
   peer_of(proxies, "::ffff:10.0.0.1", NULL, "9.9.9.9", "9.9.9.9"); /* a socket of both families */

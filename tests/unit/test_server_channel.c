@@ -163,7 +163,7 @@ TEST(test_many_channels_share_one_body) {
   enum { CHANNELS = 60, SIZE = 4 << 20 };
   pipe_end ends[CHANNELS];
   tcs_channel *channels[CHANNELS];
-  GBytes *body = g_bytes_new_take(g_malloc0(SIZE), SIZE);
+  g_autoptr(GBytes) body = g_bytes_new_take(g_malloc0(SIZE), SIZE);
   const size_t before = mallinfo2().uordblks + mallinfo2().hblkhd;
   for (int i = 0; i < CHANNELS; i++) {
     channels[i] = open_channel(&ends[i]);
@@ -176,7 +176,6 @@ TEST(test_many_channels_share_one_body) {
   print_message("%d channels: %zu bytes beside one body of %d\n", CHANNELS, more, SIZE);
   assert_in_range(more, 0, SIZE);
   for (int i = 0; i < CHANNELS; i++) close_channel(channels[i], &ends[i]);
-  g_bytes_unref(body);
 }
 
 TEST(test_a_flood_of_pings_makes_no_queue) {

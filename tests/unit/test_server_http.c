@@ -141,9 +141,8 @@ TEST(test_ids) {
 }
 
 static void write_file(const char *folder, const char *name, const char *text) {
-  char *path = g_build_filename(folder, name, NULL);
+  g_autofree char *path = g_build_filename(folder, name, NULL);
   assert_true(g_file_set_contents(path, text, -1, NULL));
-  g_free(path);
 }
 
 TEST(test_paths_stay_beneath) {
@@ -165,11 +164,10 @@ TEST(test_paths_stay_beneath) {
   const char *const wrong[] = {"",   "..",      "../secret", "/etc/passwd", "out",
                                "up", "nothing", "f/..",      "./../secret", "up#1"};
   for (size_t i = 0; i < G_N_ELEMENTS(wrong); i++) {
-    GError *error = NULL;
+    g_autoptr(GError) error = NULL;
     found = tcs_beneath(inside, wrong[i], &error);
     if (found) fail_msg("%s gave %s", wrong[i], found);
     assert_string_equal(tc_error_pointer(error), "/path");
-    g_clear_error(&error);
   }
   const char *roots[] = {folder};
   assert_true(tc_links_set(roots, 1, NULL)); /* what is in it may be linked to, and nothing else */

@@ -71,14 +71,13 @@ TEST_WITH(test_lines_come_whole_and_in_order, set_up, tear_down) {
     if (i % 500 == 0) assert_true(tcs_log_flush(PATIENCE_MS)); /* fewer bytes than the ring holds */
   }
   assert_true(tcs_log_flush(PATIENCE_MS));
-  char **lines = read_lines(p->file);
+  g_auto(GStrv) lines = read_lines(p->file);
   assert_int_equal(g_strv_length(lines), 3000);
   for (int i = 1; i < 3000; i++) {
     char wanted[40];
     snprintf(wanted, sizeof wanted, " info line n=%d text=a b", i);
     assert_true(g_str_has_suffix(lines[i], wanted));
   }
-  g_strfreev(lines);
 }
 
 TEST_WITH(test_a_moved_file_is_opened_anew, set_up, tear_down) {
@@ -101,10 +100,9 @@ TEST_WITH(test_a_moved_file_is_opened_anew, set_up, tear_down) {
 }
 
 TEST_WITH(test_a_path_that_cannot_be_is_refused, set_up, tear_down) {
-  GError *error = NULL;
+  g_autoptr(GError) error = NULL;
   assert_false(tcs_log_open("/does/not/exist/log", &error));
   assert_non_null(strstr(error->message, "--log"));
-  g_clear_error(&error);
 }
 
 /* Nobody reads: logging goes on, and what found no room is told of when somebody does. */

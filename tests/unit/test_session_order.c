@@ -7,6 +7,7 @@
 #include "server/session/jobs.h"
 #include "server/session/sessions.h"
 #include "server/session/viewers.h"
+#include "tests/support/scoped.h"
 
 static tcs_daemon *under_test;
 static tcs_session *session;
@@ -47,10 +48,9 @@ static int close_daemon(void **state) {
 }
 
 static void change(double fov) {
-  cJSON *patch = cJSON_CreateObject();
+  g_autoptr(cJSON) patch = cJSON_CreateObject();
   cJSON_AddNumberToObject(cJSON_AddObjectToObject(patch, "camera"), "fovY", fov);
   assert_true(tcs_session_patch(session, patch, NULL, false, NULL));
-  cJSON_Delete(patch);
 }
 
 /* What the session wants now, rendered: it goes to an encoder. */

@@ -5,6 +5,7 @@
 
 #include "renderer/splat/normal.h"
 #include "renderer/splat/vmd.h"
+#include "tests/support/scoped.h"
 
 static const tc_volume_desc grid = {.dims = {3, 2, 70},
                                     .type = TC_I16,
@@ -70,27 +71,24 @@ static void sign(GByteArray *file) {
 }
 
 static void expect_sum(const GByteArray *file, const char *wanted) {
-  char *sum = g_compute_checksum_for_data(G_CHECKSUM_SHA256, file->data, file->len);
+  g_autofree char *sum = g_compute_checksum_for_data(G_CHECKSUM_SHA256, file->data, file->len);
   assert_string_equal(sum, wanted);
-  g_free(sum);
 }
 
 /* The page VMD.md shows these bytes. */
 TEST(bytes_of_version_2_stay) {
-  tc_vmd *m = few_model("value");
-  GByteArray *file = tc_vmd_encode(m, false, NULL);
+  g_autoptr(tc_vmd) m = few_model("value");
+  g_autoptr(GByteArray) file = tc_vmd_encode(m, false, NULL);
   static const uint8_t body[] = {17, 0,    0, 5, 2 << 2, 2, 0xbe, 2, 0xbf,       2, 4 << 2, 62, 0xfe,
                                  2,  0xff, 2, 0, 3,      1, 3,    0, 1 << 2 | 1, 0, 0x84,   3,  0};
   assert_int_equal(file->len, 240 + 20 + sizeof body + 4);
   assert_memory_equal(file->data + 260, body, sizeof body);
   expect_sum(file, "f4a3918eb1def4149971ae683f6a3ee33750361540102879160e59105857d5ee");
-  g_byte_array_unref(file);
-  tc_vmd_free(m);
 }
 
 TEST(version_1_is_read_and_written_as_it_was) {
-  tc_vmd *m = few_model("value");
-  GByteArray *file = tc_vmd_encode(m, false, NULL);
+  g_autoptr(tc_vmd) m = few_model("value");
+  g_autoptr(GByteArray) file = tc_vmd_encode(m, false, NULL);
   static const uint8_t body[] = {18,   0, 0, 6, 2, 2, 0xbe, 2, 0xbf, 2, 62,   4, 0xfe, 2,
                                  0xff, 2, 0, 3, 1, 3, 0,    0, 0,    1, 0x84, 3, 0,    0};
   g_byte_array_set_size(file, 260);
@@ -106,27 +104,23 @@ TEST(version_1_is_read_and_written_as_it_was) {
     assert_true(a && b ? memcmp(a, b, 2) == 0 : a == b);
   }
   for (int packed = 0; packed < 2; packed++) {
-    GByteArray *again = tc_vmd_encode(back, packed, NULL);
+    g_autoptr(GByteArray) again = tc_vmd_encode(back, packed, NULL);
     if (!packed) assert_memory_equal(again->data, file->data, file->len);
-    tc_vmd *third = tc_vmd_decode(again->data, again->len, NULL);
+    g_autoptr(tc_vmd) third = tc_vmd_decode(again->data, again->len, NULL);
     assert_non_null(third);
     assert_memory_equal(third->bytes, back->bytes, tc_vmd_start(back, back->columns));
-    tc_vmd_free(third);
-    g_byte_array_unref(again);
   }
   tc_vmd_free(back);
   file->data[270] = 0;
   sign(file);
   assert_null(tc_vmd_decode(file->data, file->len, NULL)); /* runs that touch */
-  g_byte_array_unref(file);
-  tc_vmd_free(m);
 }
 
 /* Two labels along z, the second from another z on in each column; the last column with a voxel of a third. */
 static int parts(int x, int y, int z) { return x == 2 && z == 50 ? 3 : z < 20 + 3 * x + y ? 1 : 2; }
 
 TEST(equal_records_are_kept_once) {
-  tc_volume *v = volume_of(&grid, parts);
+  g_autoptr(tc_volume) v = volume_of(&grid, parts);
   tc_vmd *m =
       tc_vmd_of_volume(v, &(tc_vmd_wish){.low = 1, .high = 3, .labels = true, .attributes = "label"}, NULL, NULL);
   assert_int_equal(m->voxels, 0); /* 2 v - 1000 is nowhere in 1 .. 3 */
@@ -145,7 +139,6 @@ TEST(equal_records_are_kept_once) {
   m = tc_vmd_of_volume(v, &(tc_vmd_wish){.low = -1000, .high = -997, .attributes = "user"}, NULL, NULL);
   assert_int_equal(tc_vmd_start(m, 1), 2 + 1); /* one run, as before it: zeros */
   tc_vmd_free(m);
-  tc_volume_unref(v);
 }
 
 static int noise(int x, int y, int z) {
@@ -202,12 +195,10 @@ TEST(models_survive_a_file) {
     tc_vmd *m = tc_vmd_of_volume(v, wish, pool, NULL), *alone = tc_vmd_of_volume(v, wish, NULL, NULL);
     expect_same(m, alone);
     for (int packed = 0; packed < 2; packed++) {
-      GByteArray *file = tc_vmd_encode(m, packed, NULL);
-      tc_vmd *back = tc_vmd_decode(file->data, file->len, NULL);
+      g_autoptr(GByteArray) file = tc_vmd_encode(m, packed, NULL);
+      g_autoptr(tc_vmd) back = tc_vmd_decode(file->data, file->len, NULL);
       assert_non_null(back);
       expect_same(m, back);
-      tc_vmd_free(back);
-      g_byte_array_unref(file);
     }
     tc_vmd_free(m);
     tc_vmd_free(alone);
@@ -223,8 +214,8 @@ static bool in_range(int x, int y, int z) {
 }
 
 TEST(a_shell_leaves_out_what_has_six_filled_neighbours) {
-  tc_volume *v = volume_of(&noisy, noise);
-  tc_vmd *m = tc_vmd_of_volume(v, &(tc_vmd_wish){.low = 80, .high = INFINITY, .shell = true}, NULL, NULL);
+  g_autoptr(tc_volume) v = volume_of(&noisy, noise);
+  g_autoptr(tc_vmd) m = tc_vmd_of_volume(v, &(tc_vmd_wish){.low = 80, .high = INFINITY, .shell = true}, NULL, NULL);
   for (int z = 0; z < 130; z++)
     for (int y = 0; y < 21; y++)
       for (int x = 0; x < 37; x++) {
@@ -232,8 +223,6 @@ TEST(a_shell_leaves_out_what_has_six_filled_neighbours) {
                       in_range(x, y + 1, z) && in_range(x, y, z - 1) && in_range(x, y, z + 1);
         assert_true((tc_vmd_voxel(m, x, y, z) != NULL) == (in_range(x, y, z) && !hidden));
       }
-  tc_vmd_free(m);
-  tc_volume_unref(v);
 }
 
 /* A ball in a stretched grid: normals point outwards, to a degree or two. */
@@ -245,7 +234,7 @@ static int ball(int x, int y, int z) {
 TEST(normals_point_out_of_the_object) {
   const tc_volume_desc desc = {
       .dims = {25, 25, 25}, .type = TC_U8, .spacing = {1, 2, 1}, .slope = 1, .direction = {0, 1, 0, -1, 0, 0, 0, 0, 1}};
-  tc_volume *v = volume_of(&desc, ball);
+  g_autoptr(tc_volume) v = volume_of(&desc, ball);
   tc_vmd *m =
       tc_vmd_of_volume(v, &(tc_vmd_wish){.low = 100, .high = 4000, .shell = true, .attributes = "normal"}, NULL, NULL);
   double worst = 1;
@@ -261,37 +250,33 @@ TEST(normals_point_out_of_the_object) {
   print_message("furthest from the radius: %.2f degrees\n", acos(worst) * 180 / M_PI);
   assert_true(worst > cos(8 * M_PI / 180)); /* they are those half a voxel, 1 mm of 9, further out */
   tc_vmd_free(m);
-  tc_volume_unref(v);
 }
 
 /* ---- files that are wrong ---- */
 
 static void expect_refused(GByteArray *file, size_t size, const char *what) {
-  GError *error = NULL;
+  g_autoptr(GError) error = NULL;
   uint8_t *exact = g_memdup2(file->data, size); /* an over-read is seen */
   tc_vmd *m = tc_vmd_decode(exact, size, &error);
   if (m) fail_msg("read in spite of %s", what);
   assert_int_equal(error->code, TC_ERROR_FORMAT);
   assert_null(strpbrk(error->message, "\r\n"));
-  g_error_free(error);
   g_free(exact);
 }
 
 TEST(every_prefix_is_refused) {
   for (int packed = 0; packed < 2; packed++) {
-    tc_vmd *m = few_model("value,normal");
-    GByteArray *file = tc_vmd_encode(m, packed, NULL);
+    g_autoptr(tc_vmd) m = few_model("value,normal");
+    g_autoptr(GByteArray) file = tc_vmd_encode(m, packed, NULL);
     for (size_t size = 0; size < file->len; size++)
       expect_refused(file, size, "its end missing");
-    g_byte_array_unref(file);
-    tc_vmd_free(m);
   }
 }
 
 /* One byte another, with a right checksum: refused, or as sound a model as any. */
 TEST(any_changed_byte_is_survived) {
-  tc_vmd *m = few_model("value");
-  GByteArray *file = tc_vmd_encode(m, false, NULL);
+  g_autoptr(tc_vmd) m = few_model("value");
+  g_autoptr(GByteArray) file = tc_vmd_encode(m, false, NULL);
   int refused = 0;
   for (size_t at = 0; at < file->len - 4; at++)
     for (int change = 1; change < 256; change += at < 260 ? 50 : 1) {
@@ -308,8 +293,6 @@ TEST(any_changed_byte_is_survived) {
   sign(file);
   file->data[file->len - 1] ^= 1;
   expect_refused(file, file->len, "a wrong checksum");
-  g_byte_array_unref(file);
-  tc_vmd_free(m);
 }
 
 TEST(wrong_runs_and_counts_are_refused) {
@@ -335,26 +318,22 @@ TEST(wrong_runs_and_counts_are_refused) {
                {280, 1, "an empty run that is the same"},
                {281, 0, "an empty run in front"}};
   for (size_t i = 0; i < G_N_ELEMENTS(wrong); i++) {
-    tc_vmd *m = few_model("value");
-    GByteArray *file = tc_vmd_encode(m, false, NULL);
+    g_autoptr(tc_vmd) m = few_model("value");
+    g_autoptr(GByteArray) file = tc_vmd_encode(m, false, NULL);
     file->data[wrong[i].at] = wrong[i].value;
     sign(file);
     expect_refused(file, file->len, wrong[i].what);
-    g_byte_array_unref(file);
-    tc_vmd_free(m);
   }
 }
 
 TEST(attributes_that_are_not_there_are_refused) {
-  tc_volume *v = volume_of(&noisy, noise);
+  g_autoptr(tc_volume) v = volume_of(&noisy, noise);
   static const char *const wrong[] = {"label", "value,value", "density", "value,,normal"};
   for (size_t i = 0; i < G_N_ELEMENTS(wrong); i++) {
-    GError *error = NULL;
+    g_autoptr(GError) error = NULL;
     assert_null(tc_vmd_of_volume(v, &(tc_vmd_wish){.low = 0, .high = 9, .attributes = wrong[i]}, NULL, &error));
     print_message("%s: %s\n", wrong[i], error->message);
-    g_error_free(error);
   }
-  tc_volume_unref(v);
 }
 
 TESTS(NULL, NULL)

@@ -4,6 +4,7 @@
 #include "renderer/volume/demo.h"
 #include "renderer/volume/histogram.h"
 #include "renderer/volume/volume.h"
+#include "tests/support/scoped.h"
 
 static tc_volume_desc desc(int x, int y, int z, tc_voxel_type type) {
   return (tc_volume_desc){
@@ -11,10 +12,9 @@ static tc_volume_desc desc(int x, int y, int z, tc_voxel_type type) {
 }
 
 static void refused(tc_volume_desc d, tc_error_code code) {
-  GError *error = NULL;
+  g_autoptr(GError) error = NULL;
   assert_null(tc_volume_new(&d, &error));
   assert_int_equal(error->code, code);
-  g_error_free(error);
 }
 
 TEST(nonsense_is_refused) {
@@ -43,7 +43,7 @@ TEST(nonsense_is_refused) {
 
 TEST(float_voxels_are_mended) {
   tc_volume_desc d = desc(5, 1, 1, TC_F32);
-  tc_volume *v = tc_volume_new(&d, NULL);
+  g_autoptr(tc_volume) v = tc_volume_new(&d, NULL);
   const float in[5] = {NAN, -2, INFINITY, 7, -INFINITY};
   memcpy(tc_volume_voxels(v), in, sizeof in);
   tc_volume_seal(v);
@@ -51,7 +51,6 @@ TEST(float_voxels_are_mended) {
   assert_memory_equal(out, want, sizeof want);
   assert_int_equal(tc_volume_statistics(v)->non_finite, 3);
   assert_null(tc_volume_voxels(v)); /* sealed */
-  tc_volume_unref(v);
 }
 
 /* NaN is nothing: no value near it, no count, and no extreme of what is there. */
@@ -68,7 +67,7 @@ TEST(nan_is_nothing) {
     tc_volume_desc d = desc(6, 1, 1, TC_F32);
     d.slope = cases[i].slope, d.intercept = cases[i].intercept;
     strcpy(d.unit, cases[i].unit);
-    tc_volume *v = tc_volume_new(&d, NULL);
+    g_autoptr(tc_volume) v = tc_volume_new(&d, NULL);
     memcpy(tc_volume_voxels(v), cases[i].in, sizeof cases[i].in);
     tc_volume_seal(v);
     double value, edges[3];
@@ -82,14 +81,13 @@ TEST(nan_is_nothing) {
     assert_true(tc_volume_value_at(v, (double[3]){4.5, 0, 0}, &value));
     tc_volume_histogram(v, 2, counts, edges);
     assert_int_equal(counts[0] + counts[1], 3);
-    tc_volume_unref(v);
   }
 }
 
 TEST(huge_floats_are_scaled) {
   tc_volume_desc d = desc(3, 1, 1, TC_F32);
   d.slope = 2;
-  tc_volume *v = tc_volume_new(&d, NULL);
+  g_autoptr(tc_volume) v = tc_volume_new(&d, NULL);
   const float in[3] = {-3e38f, 0, 3e38f};
   memcpy(tc_volume_voxels(v), in, sizeof in);
   tc_volume_seal(v);
@@ -98,7 +96,6 @@ TEST(huge_floats_are_scaled) {
   assert_true(fabs(value / (2 * (double)3e38f) - 1) < 1e-7);
   const float *out = tc_volume_data(v);
   assert_true(isfinite(out[2] - out[0]));
-  tc_volume_unref(v);
 }
 
 TEST(orientation_and_value) {
@@ -108,7 +105,7 @@ TEST(orientation_and_value) {
   const double tilted[9] = {0.8, 0, 0.1, 0.6, 0, 0.2, 0, -1, 0.97}; /* sheared, columns not quite unit: mended */
   memcpy(d.direction, tilted, sizeof tilted);
   d.slope = -2, d.intercept = 100;
-  tc_volume *v = tc_volume_new(&d, NULL);
+  g_autoptr(tc_volume) v = tc_volume_new(&d, NULL);
   assert_non_null(v);
   int16_t *p = tc_volume_voxels(v);
   for (int z = 0; z < 5; z++)
@@ -136,12 +133,11 @@ TEST(orientation_and_value) {
   tc_volume_histogram(v, 4, counts, edges);
   for (int i = 0; i < 4; i++) sum += counts[i];
   assert_int_equal(sum, 60);
-  tc_volume_unref(v);
 }
 
 TEST(flat_axis_is_one_spacing_thick) {
   tc_volume_desc d = desc(4, 1, 1, TC_U8);
-  tc_volume *v = tc_volume_new(&d, NULL);
+  g_autoptr(tc_volume) v = tc_volume_new(&d, NULL);
   memcpy(tc_volume_voxels(v), "\1\2\3\4", 4);
   tc_volume_seal(v);
   double lo[3], hi[3], value, inside[3] = {1.5, 0.49, -0.5}, out[3] = {1.5, 0.51, 0};
@@ -149,7 +145,6 @@ TEST(flat_axis_is_one_spacing_thick) {
   assert_true(lo[1] == -0.5 && hi[1] == 0.5 && lo[0] == 0 && hi[0] == 3);
   assert_true(tc_volume_value_at(v, inside, &value) && value == 2.5);
   assert_false(tc_volume_value_at(v, out, &value));
-  tc_volume_unref(v);
 }
 
 static bool goes_on_twice(void *user, double fraction) {
@@ -159,12 +154,11 @@ static bool goes_on_twice(void *user, double fraction) {
 }
 
 TEST(a_demo_is_given_up_when_told) {
-  GError *error = NULL;
+  g_autoptr(GError) error = NULL;
   int asked = 0;
   assert_null(tc_volume_demo_while("head", goes_on_twice, &asked, &error));
   assert_int_equal(error->code, TC_ERROR_CANCELLED);
   assert_int_equal(asked, 3);
-  g_error_free(error);
 }
 
 TEST(demos_are_made) {
@@ -178,7 +172,7 @@ TEST(demos_are_made) {
     tc_volume_unref(a);
     tc_volume_unref(b);
   }
-  GError *error = NULL;
+  g_autoptr(GError) error = NULL;
   tc_volume *head = tc_volume_demo("head", NULL), *labels = tc_volume_demo("head-labels", NULL);
   const tc_volume_desc *of_head = tc_volume_describe(head), *of_labels = tc_volume_describe(labels);
   assert_memory_equal(of_labels->dims, of_head->dims, sizeof of_head->dims);
@@ -195,7 +189,6 @@ TEST(demos_are_made) {
   assert_null(tc_volume_demo("foot", &error));
   assert_int_equal(error->code, TC_ERROR_NOT_FOUND);
   assert_non_null(strstr(error->message, "demo:head"));
-  g_error_free(error);
 }
 
 TESTS(NULL, NULL)
