@@ -12,8 +12,8 @@ enum { SIDE = 40, PIXELS = SIDE * SIDE };
 TEST(a_cut_block_is_exact) {
   const double value = 100, keep[2][3] = {{3.3, 2.71, 5.05}, {20.62, 17.9, 19.01}};
   test_grid g = {.dims = {33, 33, 33}, .type = TC_U8};
-  tc_volume *v = test_volume(&g, test_constant, &value);
-  tc_scene s;
+  g_autoptr(tc_volume) v = test_volume(&g, test_constant, &value);
+  g_auto(tc_scene) s;
   test_scene(&s, SIDE, SIDE);
   const tc_knot knots[] = {{0, {1, 0.5, 0.25}, 0.05}};
   test_scene_knots(&s, TC_KNOT_EXTINCTION, knots, 1);
@@ -46,8 +46,6 @@ TEST(a_cut_block_is_exact) {
       assert_true(plan.stages[TC_STAGE_CLIPPING].included && plan.key.clipping);
     }
   }
-  tc_scene_clear(&s);
-  tc_volume_unref(v);
 }
 
 static void random_clip(tc_scene *s, const tc_volume *v, uint64_t *state) {
@@ -100,14 +98,13 @@ TEST(random_cuts_agree_with_the_reference) {
     for (int i = 0; i < PIXELS; i++)
       if (truth[4 * i + 3] > 0.01f) { shown++; break; }
     EACH_RENDERER(b) {
-      float *leapt = g_memdup2(test_draw(b, v, &s, NULL, NULL)->linear, PIXELS * 16);
+      g_autofree float *leapt = g_memdup2(test_draw(b, v, &s, NULL, NULL)->linear, PIXELS * 16);
       test_difference d = test_compare(leapt, truth, PIXELS);
       if (!d.finite || d.rms > 1.5e-3) fail_msg("%s: trial %d: rms %.2e max %.2e", test_names[b], trial, d.rms, d.max);
       worst_rms[b] = fmax(worst_rms[b], d.rms);
       s.skipping.mode = TC_SKIPPING_OFF;
       assert_memory_equal(leapt, test_draw(b, v, &s, NULL, NULL)->linear, PIXELS * 16);
       s.skipping.mode = TC_SKIPPING_AUTO;
-      g_free(leapt);
     }
     g_free(truth);
     tc_scene_clear(&s);
@@ -121,8 +118,8 @@ TEST(random_cuts_agree_with_the_reference) {
 TEST(corner_cases) {
   const double value = 200;
   test_grid g = {.dims = {9, 9, 1}, .type = TC_I16};
-  tc_volume *v = test_volume(&g, test_constant, &value);
-  tc_scene s;
+  g_autoptr(tc_volume) v = test_volume(&g, test_constant, &value);
+  g_auto(tc_scene) s;
   test_scene(&s, SIDE, SIDE);
   const tc_knot knots[] = {{0, {1, 1, 1}, 0.3}};
   test_scene_knots(&s, TC_KNOT_EXTINCTION, knots, 1);
@@ -156,8 +153,6 @@ TEST(corner_cases) {
   assert_false(tc_explain(v, &s, 8, 8, &plan, &error));
   assert_string_equal(tc_error_pointer(error), "/clip/box");
   g_clear_error(&error);
-  tc_scene_clear(&s);
-  tc_volume_unref(v);
 }
 
 TESTS(test_renderers_open, test_renderers_close)

@@ -80,11 +80,11 @@ TEST(reference_is_cubic) {
   for (int i = 0; i < 24; i++) knots[i] = (tc_knot){.value = i / 24.0, .color = {1, 1, 1}, .amount = i % 2};
   unsigned seed = 3;
   for (int prefilter = 0; prefilter < 2; prefilter++) {
-    tc_volume *volume = test_volume(&(test_grid){.dims = {7, 5, 6}, .type = TC_F32}, test_noise, &seed);
-    tc_volume *coefficients = tc_coefficients_make(volume, NULL, NULL);
+    g_autoptr(tc_volume) volume = test_volume(&(test_grid){.dims = {7, 5, 6}, .type = TC_F32}, test_noise, &seed);
+    g_autoptr(tc_volume) coefficients = tc_coefficients_make(volume, NULL, NULL);
     const float *c = tc_volume_data(prefilter ? coefficients : volume);
     const int *dims = tc_volume_describe(volume)->dims;
-    tc_scene scene;
+    g_auto(tc_scene) scene;
     scene_of(&scene, volume, &kinds[1 + prefilter], TC_MODE_DVR, 1);
     test_scene_knots(&scene, TC_KNOT_EXTINCTION, knots, 24);
     scene.window.center = 0.5, scene.window.width = 4;
@@ -132,20 +132,17 @@ TEST(reference_is_cubic) {
     printf("  %s: %zu cuts off by up to %.1e; means %.1e, maxima %.1e\n", kinds[1 + prefilter].name, cuts, worst,
            worst_mean, worst_peak);
     assert_true(worst < 5e-6 && worst_mean < 1e-4 && worst_peak < 2e-3);
-    tc_scene_clear(&scene);
-    tc_volume_unref(coefficients);
-    tc_volume_unref(volume);
   }
 }
 
 /* With ever smaller steps pictures become the reference's. */
 TEST(close_to_reference) {
-  tc_volume *volume = waves(TC_F32);
+  g_autoptr(tc_volume) volume = waves(TC_F32);
   for (int k = 0; k < KINDS; k++)
     for (int m = 0; m < RAY_MODES; m++) {
-      tc_scene scene;
+      g_auto(tc_scene) scene;
       scene_of(&scene, volume, &kinds[k], modes[m], 1);
-      float *want = test_reference(volume, &scene, 1e-7);
+      g_autofree float *want = test_reference(volume, &scene, 1e-7);
       EACH_RENDERER(i) {
         double rms[2];
         test_difference d;
@@ -161,10 +158,7 @@ TEST(close_to_reference) {
         bool jumps = k == 0 && (modes[m] == TC_MODE_MIP || modes[m] == TC_MODE_MINIP);
         assert_true(rms[1] < 5e-3 && rms[1] < fmax((jumps ? 0.75 : 0.5) * rms[0], 3e-5) && fabs(d.mean) < 1e-3);
       }
-      g_free(want);
-      tc_scene_clear(&scene);
     }
-  tc_volume_unref(volume);
 }
 
 /* ---- agreement ---- */
@@ -232,24 +226,21 @@ TEST(skipping_changes_no_bit) {
   int skipped[RENDERERS] = {0};
   for (int trial = 0; trial < 40 * KINDS; trial++) {
     uint64_t seed = random;
-    tc_volume *volume = random_ball(&random);
+    g_autoptr(tc_volume) volume = random_ball(&random);
     const kind *k = &kinds[trial % KINDS];
-    tc_scene scene;
+    g_auto(tc_scene) scene;
     scene_of(&scene, volume, k, modes[trial / KINDS % 3], 0.3 + test_random(&random));
     scene.skipping.block = 2 + (int)(6 * test_random(&random));
     if (trial % 7 == 0) scene.shading.model = TC_SHADING_LAMBERT;
     EACH_RENDERER(i) {
       scene.skipping.mode = TC_SKIPPING_OFF;
-      float *off = g_memdup2(render(i, volume, &scene, NULL), sizeof(float[4]) * PIXELS);
+      g_autofree float *off = g_memdup2(render(i, volume, &scene, NULL), sizeof(float[4]) * PIXELS);
       uint64_t samples = test_frames[i].stats.samples;
       scene.skipping.mode = TC_SKIPPING_AUTO;
       if (memcmp(render(i, volume, &scene, NULL), off, sizeof(float[4]) * PIXELS))
         fail_msg("%s %s: trial %d (state %llu) differs", test_names[i], k->name, trial, (unsigned long long)seed);
       skipped[i] += test_frames[i].stats.samples < samples;
-      g_free(off);
     }
-    tc_scene_clear(&scene);
-    tc_volume_unref(volume);
   }
   EACH_RENDERER(i) {
     printf("  %s: %d of %d scenes took fewer samples\n", test_names[i], skipped[i], 40 * KINDS);
@@ -266,12 +257,12 @@ TEST(constants_stay) {
     for (int type = 0; type < TC_VOXEL_TYPE_COUNT; type++) {
       test_grid g = {.type = (tc_voxel_type)type, .slope = 0.01};
       memcpy(g.dims, dims[shape], sizeof g.dims);
-      tc_volume *volume = test_volume(&g, test_constant, &(double){0.77});
+      g_autoptr(tc_volume) volume = test_volume(&g, test_constant, &(double){0.77});
       for (int m = 0; m < MODES; m++)
         EACH_RENDERER(i) {
-          tc_scene scene;
+          g_auto(tc_scene) scene;
           scene_of(&scene, volume, &(kind){"linear", TC_FILTER_LINEAR, false}, modes[m], 0.4);
-          float *linear = g_memdup2(render(i, volume, &scene, NULL), sizeof(float[4]) * PIXELS);
+          g_autofree float *linear = g_memdup2(render(i, volume, &scene, NULL), sizeof(float[4]) * PIXELS);
           for (int k = 0; k < KINDS; k++) {
             scene.filter = kinds[k].filter;
             scene.sampling.prefilter = kinds[k].prefilter;
@@ -279,10 +270,7 @@ TEST(constants_stay) {
               fail_msg("%s %s %s: shape %d differs from linear", test_names[i], kinds[k].name, tc_mode_names[modes[m]],
                        shape);
           }
-          tc_scene_clear(&scene);
-          g_free(linear);
         }
-      tc_volume_unref(volume);
     }
 }
 
@@ -300,7 +288,7 @@ TEST(prefilter_passes_through_voxels) {
       EACH_RENDERER(i) {
         double worst[2] = {0};
         for (int prefilter = 0; prefilter < 2; prefilter++) {
-          tc_scene scene;
+          g_auto(tc_scene) scene;
           scene_of(&scene, volume, &kinds[1 + prefilter], TC_MODE_MPR, 1);
           scene.image.width = scene.image.height = N;
           scene.mpr.orientation = TC_AXIAL;
@@ -315,7 +303,6 @@ TEST(prefilter_passes_through_voxels) {
             assert_true(tc_volume_value_at(volume, (double[3]){p % N, p / N, z}, &value));
             worst[prefilter] = fmax(worst[prefilter], fabs((double)got[4 * p] - fmin(fmax(value, 0), 1)));
           }
-          tc_scene_clear(&scene);
         }
         if (type == TC_F32 && z == 0) printf("  %s: off by %.1e, smoothed %.1e\n", test_names[i], worst[1], worst[0]);
         assert_true(worst[1] < 2e-5 && worst[0] > 0.05);
@@ -326,8 +313,8 @@ TEST(prefilter_passes_through_voxels) {
 
 /* Built once, shared by scenes, dropped with the volume; what does not fit the cache is refused with the mend. */
 TEST(coefficients_are_a_resource) {
-  tc_volume *volume = waves(TC_U8);
-  tc_scene scene;
+  g_autoptr(tc_volume) volume = waves(TC_U8);
+  g_auto(tc_scene) scene;
   tc_explanation plan;
   scene_of(&scene, volume, &kinds[2], TC_MODE_DVR, 1);
   EACH_RENDERER(i) {
@@ -349,15 +336,11 @@ TEST(coefficients_are_a_resource) {
     scene.sampling.prefilter = true;
   }
   tc_renderer_options small = {.backend = TC_BACKEND_CPU, .cache_bytes = 4 * tc_volume_bytes(volume) - 1};
-  tc_renderer *r = tc_renderer_new(&small, NULL);
-  GError *error = NULL;
+  g_autoptr(tc_renderer) r = tc_renderer_new(&small, NULL);
+  g_autoptr(GError) error = NULL;
   assert_false(tc_render(r, volume, &scene, NULL, &test_frames[SCALAR], NULL, &error));
   assert_true(g_error_matches(error, TC_ERROR, TC_ERROR_LIMIT));
   assert_string_equal(tc_error_pointer(error), "/sampling/prefilter");
-  g_clear_error(&error);
-  tc_renderer_free(r);
-  tc_scene_clear(&scene);
-  tc_volume_unref(volume);
 }
 
 TESTS(test_renderers_open, test_renderers_close)

@@ -44,13 +44,13 @@ static void look(tc_scene *scene, const tc_volume *volume, tc_mode mode) {
 /* At the end of a short step, pictures are what the reference integrates of what is there. */
 TEST(what_is_left_is_the_truth) {
   static const tc_mode modes[] = {TC_MODE_DVR, TC_MODE_MIP, TC_MODE_MINIP, TC_MODE_AVERAGE, TC_MODE_ISOSURFACE};
-  tc_volume *volume = make(ball);
+  g_autoptr(tc_volume) volume = make(ball);
   assert_non_null(tc_volume_gaps(volume));
   for (size_t m = 0; m < sizeof modes / sizeof *modes; m++) {
-    tc_scene scene;
+    g_auto(tc_scene) scene;
     look(&scene, volume, modes[m]);
     scene.isosurface.value = 0.2;
-    float *truth = test_reference(volume, &scene, 1e-4);
+    g_autofree float *truth = test_reference(volume, &scene, 1e-4);
     size_t clear = 0;
     for (int p = 0; p < PIXELS; p++) clear += truth[4 * p + 3] == 0;
     if (!(clear > PIXELS / 4 && clear < PIXELS * 95 / 100)) fail_msg("%zu of %d pixels are clear", clear, PIXELS); /* rays through gaps alone meet nothing */
@@ -68,10 +68,7 @@ TEST(what_is_left_is_the_truth) {
                     sqrt(sum / (4 * PIXELS)), off, 4 * PIXELS);
       assert_true(off <= 4 * PIXELS / 100); /* rays along the edge of a gap */
     }
-    g_free(truth);
-    tc_scene_clear(&scene);
   }
-  tc_volume_unref(volume);
 }
 
 /* x, of which the far half along y is NaN; and with 0 in its place. */
@@ -80,14 +77,13 @@ static double slope_and_nothing(double x, double y, double z, const void *unused
 static double slope_alone(double x, double y, double z, const void *unused) { return x; }
 
 static size_t shown_of(int which, tc_volume *volume, tc_mode mode) {
-  tc_scene scene;
+  g_auto(tc_scene) scene;
   size_t shown = 0;
   look(&scene, volume, mode);
   test_scene_frame(&scene, volume, TC_ORTHOGRAPHIC, (double[3]){1, 0, 0});
   scene.isosurface.value = 10.5;
   const float *image = render(which, volume, &scene);
   for (int p = 0; p < PIXELS; p++) shown += image[4 * p + 3] > 0.5f;
-  tc_scene_clear(&scene);
   return shown;
 }
 
@@ -101,12 +97,11 @@ TEST(surfaces_end_at_a_gap) {
       const double share = (double)shown_of(i, gaps, mode) / (double)shown_of(i, whole, mode);
       if (!(fabs(share - 0.5) < 0.04)) fail_msg("%s, %s: %.3f of the surface shows", test_names[i], tc_mode_names[mode], share);
     }
-  tc_mesh *m = tc_mesh_extract(gaps, 10.5, &(tc_mesh_options){.normals = true}, &error);
+  g_autoptr(tc_mesh) m = tc_mesh_extract(gaps, 10.5, &(tc_mesh_options){.normals = true}, &error);
   assert_non_null(m);
   assert_int_equal(m->n_triangles, 2 * 10 * 20);
   assert_int_equal(m->n_vertices, 11 * 21); /* none that no triangle has */
   for (size_t v = 0; v < m->n_vertices; v++) assert_true(fabs((double)m->positions[v][0] + m->origin[0] - 10.5) < 1e-4);
-  tc_mesh_free(m);
   tc_volume_unref(gaps);
   tc_volume_unref(whole);
 }
@@ -115,14 +110,12 @@ TEST(surfaces_end_at_a_gap) {
 TEST(splats_leave_gaps_out) {
   tc_volume *gaps = make(slope), *none = make(slope_and_nothing);
   EACH_RENDERER(i) {
-    tc_scene scene;
+    g_auto(tc_scene) scene;
     look(&scene, gaps, TC_MODE_SPLAT);
     scene.splat.threshold[0] = 0.5; /* x = 0 is out of range in both */
     scene.splat.threshold[1] = 20;
-    float *seen = g_memdup2(render(i, gaps, &scene), 4 * PIXELS * sizeof(float));
+    g_autofree float *seen = g_memdup2(render(i, gaps, &scene), 4 * PIXELS * sizeof(float));
     assert_memory_equal(seen, render(i, none, &scene), 4 * PIXELS * sizeof(float));
-    g_free(seen);
-    tc_scene_clear(&scene);
   }
   tc_volume_unref(gaps);
   tc_volume_unref(none);
@@ -131,10 +124,10 @@ TEST(splats_leave_gaps_out) {
 /* One pixel a voxel: shown where there is a value, and with it alone; between the last value and the first gap, up to
  * half way. */
 TEST(slices_and_slabs_end_half_way_to_a_gap) {
-  tc_volume *volume = make(half);
+  g_autoptr(tc_volume) volume = make(half);
   for (int slab = 0; slab <= TC_SLAB_PROJECTION_COUNT; slab++)
     for (int across = 0; across < 2; across++) {
-      tc_scene scene;
+      g_auto(tc_scene) scene;
       test_scene(&scene, SIDE, SIDE);
       scene.mode = TC_MODE_MPR;
       scene.mpr.orientation = across ? TC_AXIAL : TC_SAGITTAL;
@@ -157,22 +150,19 @@ TEST(slices_and_slabs_end_half_way_to_a_gap) {
         if (!(across ? share > 0.45 && share < 0.56 : share > 0.9))
           fail_msg("%s: slab %d, %s: %.3f of the picture shows", test_names[i], slab, across ? "axial" : "sagittal", share);
       }
-      tc_scene_clear(&scene);
     }
-  tc_volume_unref(volume);
 }
 
 /* A label volume takes the gaps' place; without gaps nothing changes. */
 TEST(the_plan_says_it) {
   tc_volume *gaps = make(ball), *none = make(test_waves);
-  tc_scene scene;
+  g_auto(tc_scene) scene;
   tc_explanation plan;
   look(&scene, gaps, TC_MODE_MIP);
   assert_true(tc_renderer_explain(test_renderers[SCALAR], gaps, &scene, NULL, &plan, NULL));
   assert_non_null(strstr(plan.kernel, ".gaps"));
   assert_true(tc_renderer_explain(test_renderers[SCALAR], none, &scene, NULL, &plan, NULL));
   assert_null(strstr(plan.kernel, ".gaps"));
-  tc_scene_clear(&scene);
   tc_volume_unref(gaps);
   tc_volume_unref(none);
 }

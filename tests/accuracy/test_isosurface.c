@@ -46,16 +46,15 @@ static tc_volume *waves(tc_voxel_type type) {
 /* ---- the reference ---- */
 
 static bool middle_hit(tc_volume *volume, const tc_scene *scene, tc_reference_hit *hit) {
-  tc_reference *r = reference(volume, scene);
+  g_autoptr(tc_reference) r = reference(volume, scene);
   bool met = tc_reference_surface(r, SIDE / 2.0, SIDE / 2.0, hit);
-  tc_reference_free(r);
   return met;
 }
 
 TEST(reference_meets_closed_forms) {
   const double slant[4] = {0.3, 1, -0.2, 2};
   tc_volume *plane = test_volume(&(test_grid){.dims = {9, 9, 9}, .type = TC_F32}, test_linear, slant);
-  tc_scene scene;
+  g_auto(tc_scene) scene;
   tc_reference_hit hit;
   surface_scene(&scene, plane, 7.25);
   look_along_y(&scene, 4.3, 3.1);
@@ -66,7 +65,7 @@ TEST(reference_meets_closed_forms) {
   tc_volume_unref(plane);
 
   /* One cell, several roots. */
-  tc_volume *cell = test_volume(&(test_grid){.dims = {2, 2, 2}, .type = TC_F32}, test_noise, &(unsigned){3});
+  g_autoptr(tc_volume) cell = test_volume(&(test_grid){.dims = {2, 2, 2}, .type = TC_F32}, test_noise, &(unsigned){3});
   uint64_t seed = 5;
   int grazed = 0;
   for (int n = 0; n < 200; n++) {
@@ -93,8 +92,6 @@ TEST(reference_meets_closed_forms) {
     if (met != crossed || (met && !(fabs(hit.distance_mm - distance) < 2.1e-4))) grazed++;
   }
   assert_true(grazed <= 2);
-  tc_volume_unref(cell);
-  tc_scene_clear(&scene);
 }
 
 /* ---- depths and pictures ---- */
@@ -107,7 +104,7 @@ typedef struct verdict {
 /* A tie: the hit is there for one only, or is another fold of the surface. */
 static void judge(int which, tc_volume *volume, const tc_scene *scene, verdict *v) {
   tc_frame *f = render(which, volume, scene, NULL);
-  tc_reference *r = reference(volume, scene);
+  g_autoptr(tc_reference) r = reference(volume, scene);
   for (int p = 0; p < PIXELS; p++) {
     tc_reference_hit hit = {.distance_mm = INFINITY};
     double rgba[4] = {0}, off = 0;
@@ -130,15 +127,14 @@ static void judge(int which, tc_volume *volume, const tc_scene *scene, verdict *
     v->ties += tie;
     if (!tie) v->color = fmax(v->color, off);
   }
-  tc_reference_free(r);
 }
 
 TEST(everyone_meets_the_reference) {
   verdict v[RENDERERS] = {{0}};
   for (int type = 0; type < TC_VOXEL_TYPE_COUNT; type++)
     for (int bits = 0; bits < 8; bits++) {
-      tc_volume *volume = waves((tc_voxel_type)type);
-      tc_scene scene;
+      g_autoptr(tc_volume) volume = waves((tc_voxel_type)type);
+      g_auto(tc_scene) scene;
       surface_scene(&scene, volume, bits & 1 ? 0.5 : 0.683);
       scene.shading.model = (tc_shading_model)(bits % TC_SHADING_COUNT);
       scene.shading.gradient = (tc_gradient)((bits + type) % TC_GRADIENT_COUNT);
@@ -151,8 +147,6 @@ TEST(everyone_meets_the_reference) {
       /* in the midst */
       if (bits == 3) memcpy(scene.camera.position, (double[3]){12, 14, 8}, sizeof scene.camera.position);
       EACH_RENDERER(i) judge(i, volume, &scene, &v[i]);
-      tc_scene_clear(&scene);
-      tc_volume_unref(volume);
     }
   EACH_RENDERER(i) {
     printf("  %s: depth within %.1e mm, colour within %.1e, %zu ties of %zu hits\n", test_names[i], v[i].depth,
@@ -175,7 +169,7 @@ TEST(skipping_changes_no_bit) {
       tc_volume_unref(volume);
       volume = test_volume(&(test_grid){.dims = {31, 7, 26}, .type = TC_U8, .slope = 0.01}, test_noise, &(unsigned){9});
     }
-    tc_scene scene;
+    g_auto(tc_scene) scene;
     surface_scene(&scene, volume, noise ? 0.97 : n % 2 ? -60 : 90);
     scene.skipping.block = 2 + n % 5;
     if (n > 5) scene.camera.projection = TC_ORTHOGRAPHIC;
@@ -183,17 +177,14 @@ TEST(skipping_changes_no_bit) {
     EACH_RENDERER(i) {
       scene.skipping.mode = TC_SKIPPING_AUTO;
       tc_frame *f = render(i, volume, &scene, NULL);
-      float *linear = g_memdup2(f->linear, sizeof(float) * 4 * PIXELS);
-      float *depth = g_memdup2(f->depth, sizeof(float) * PIXELS);
+      g_autofree float *linear = g_memdup2(f->linear, sizeof(float) * 4 * PIXELS);
+      g_autofree float *depth = g_memdup2(f->depth, sizeof(float) * PIXELS);
       leaps += f->stats.leaps;
       scene.skipping.mode = TC_SKIPPING_OFF;
       render(i, volume, &scene, NULL);
       assert_memory_equal(linear, test_frames[i].linear, sizeof(float) * 4 * PIXELS);
       assert_memory_equal(depth, test_frames[i].depth, sizeof(float) * PIXELS);
-      g_free(linear);
-      g_free(depth);
     }
-    tc_scene_clear(&scene);
     tc_volume_unref(volume);
   }
   assert_true(leaps > 1000);
@@ -203,8 +194,8 @@ TEST(skipping_changes_no_bit) {
 static double sheet(double x, double y, double z, const void *context) { return y == 11 ? 1 : 0; }
 
 TEST(nothing_thin_is_missed) {
-  tc_volume *volume = test_volume(&(test_grid){.dims = {20, 24, 20}, .type = TC_F32}, sheet, NULL);
-  tc_scene scene;
+  g_autoptr(tc_volume) volume = test_volume(&(test_grid){.dims = {20, 24, 20}, .type = TC_F32}, sheet, NULL);
+  g_auto(tc_scene) scene;
   surface_scene(&scene, volume, 0.999);
   test_scene_look(&scene, TC_PERSPECTIVE, (double[3]){9.5, -40.3, 9.5}, (double[3]){9.5, 0, 9.5}, 8);
   scene.sampling.step = 5; /* not read */
@@ -213,8 +204,6 @@ TEST(nothing_thin_is_missed) {
     for (int p = 0; p < PIXELS; p++) assert_true(f->linear[4 * p + 3] == 1);
     assert_true(fabs((double)f->depth[PIXELS / 2 + SIDE / 2] - (40.3 + 10.999)) < 0.01);
   }
-  tc_scene_clear(&scene);
-  tc_volume_unref(volume);
 }
 
 /* Everything of one side, or a value that the volume does not have, is an empty picture. */
@@ -229,8 +218,8 @@ TEST(extremes_are_empty_or_right) {
   for (size_t s = 0; s < G_N_ELEMENTS(sizes); s++)
     for (size_t n = 0; n < G_N_ELEMENTS(cases); n++) {
       test_grid grid = {.dims = {sizes[s][0], sizes[s][1], sizes[s][2]}, .type = TC_F32, .spacing = {1, 2, 0.5}};
-      tc_volume *volume = test_volume(&grid, cases[n].field, cases[n].context);
-      tc_scene scene;
+      g_autoptr(tc_volume) volume = test_volume(&grid, cases[n].field, cases[n].context);
+      g_auto(tc_scene) scene;
       tc_explanation plan;
       surface_scene(&scene, volume, cases[n].value);
       EACH_RENDERER(i) {
@@ -248,8 +237,6 @@ TEST(extremes_are_empty_or_right) {
       verdict v = {0};
       if (!cases[n].empty) judge(SCALAR, volume, &scene, &v);
       assert_true(v.ties <= 8);
-      tc_scene_clear(&scene);
-      tc_volume_unref(volume);
     }
 }
 
@@ -260,7 +247,7 @@ TEST(single_voxels_are_thick) {
   tc_volume *volume =
       test_volume(&(test_grid){.dims = {8, 1, 1}, .type = TC_F32, .spacing = {1, 20, 20}}, test_linear, rise);
   for (int bits = 0; bits < 8; bits++) {
-    tc_scene scene;
+    g_auto(tc_scene) scene;
     surface_scene(&scene, volume, 0.03);
     scene.skipping.mode = bits & 1 ? TC_SKIPPING_OFF : TC_SKIPPING_AUTO;
     scene.skipping.block = 2;
@@ -272,22 +259,21 @@ TEST(single_voxels_are_thick) {
       if (v.seen < 100 || v.ties > 8)
         fail_msg("%s, %d: %zu of %zu hits are missed", test_names[i], bits, v.ties, v.seen);
     }
-    tc_scene_clear(&scene);
   }
   tc_volume_unref(volume);
 }
 
 TEST(several_rays_are_their_mean) {
   enum { COUNT = 8 };
-  tc_volume *volume = waves(TC_I16);
-  tc_scene scene;
+  g_autoptr(tc_volume) volume = waves(TC_I16);
+  g_auto(tc_scene) scene;
   tc_explanation plan;
   tc_rays rays;
   surface_scene(&scene, volume, 0.683);
   scene.sampling.rays_per_pixel = COUNT;
   scene.sampling.coherence = true;
   tc_rays_set_up(&rays, volume, &scene, SIDE, SIDE);
-  tc_reference *r = reference(volume, &scene);
+  g_autoptr(tc_reference) r = reference(volume, &scene);
   EACH_RENDERER(i) {
     tc_frame *f = render(i, volume, &scene, &plan);
     size_t ties = 0, edges = 0;
@@ -310,14 +296,11 @@ TEST(several_rays_are_their_mean) {
     printf("  %s: %zu ties, %zu edges\n", test_names[i], ties, edges);
     assert_true(ties <= 4 && edges > 50);
   }
-  tc_reference_free(r);
-  tc_scene_clear(&scene);
-  tc_volume_unref(volume);
 }
 
 TEST(plans_say_what_is_read) {
-  tc_volume *volume = waves(TC_U8);
-  tc_scene scene;
+  g_autoptr(tc_volume) volume = waves(TC_U8);
+  g_auto(tc_scene) scene;
   tc_explanation plan;
   GError *error = NULL;
   surface_scene(&scene, volume, 0.5);
@@ -357,19 +340,17 @@ TEST(plans_say_what_is_read) {
   assert_false(tc_explain(volume, &scene, SIDE, SIDE, &plan, &error));
   assert_string_equal(tc_error_pointer(error), "/filter");
   g_clear_error(&error);
-  tc_scene_clear(&scene);
-  tc_volume_unref(volume);
 }
 
 /* What an object costs in a mode is the plan's rate times a factor of this renderer, the same for all its scenes; rays cost
  * scalar kernels more than the widest vectors, splats do not. */
 TEST(costs_are_this_renderers) {
-  tc_volume *volume = test_volume(&(test_grid){.dims = {40, 40, 40}, .type = TC_U8, .slope = 0.004}, test_waves, &(double){24});
+  g_autoptr(tc_volume) volume = test_volume(&(test_grid){.dims = {40, 40, 40}, .type = TC_U8, .slope = 0.004}, test_waves, &(double){24});
   double rays_to_splats[2];
   for (int i = 0; i < 2; i++) {
     double speed[2][TC_OBJECT_MODES];
     for (int zoomed = 0; zoomed < 2; zoomed++) {
-      tc_scene scene;
+      g_auto(tc_scene) scene;
       tc_explanation plan;
       tc_object_cost rates;
       test_scene(&scene, 64, 64);
@@ -383,7 +364,6 @@ TEST(costs_are_this_renderers) {
       assert_true(plan.has_object && tc_object_cost_of(volume, &scene, 64, 64, NULL, NULL, &rates));
       for (int m = 0; m < TC_OBJECT_MODES; m++)
         speed[zoomed][m] = plan.object.ms[m] / rates.ms[m];
-      tc_scene_clear(&scene);
     }
     for (int m = 0; m < TC_OBJECT_MODES; m++)
       assert_true(speed[0][m] > 0 && fabs(speed[1][m] / speed[0][m] - 1) < 1e-9);
@@ -392,7 +372,6 @@ TEST(costs_are_this_renderers) {
            speed[0][TC_OBJECT_SPLAT], speed[0][TC_OBJECT_ISOSURFACE], speed[0][TC_OBJECT_MESH]);
   }
   assert_true(test_widest() == SCALAR || rays_to_splats[0] > 1.2 * rays_to_splats[1]);
-  tc_volume_unref(volume);
 }
 
 TESTS(test_renderers_open, test_renderers_close)

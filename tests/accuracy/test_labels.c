@@ -121,12 +121,12 @@ static void overlay_at(const tc_volume *labels, const tc_scene *scene, const dou
 
 TEST(every_place_has_the_mean_of_its_eight_labels) {
   static const int shapes[][3] = {{9, 8, 14}, {1, 9, 12}, {10, 1, 9}, {9, 7, 1}, {1, 1, 1}, {2, 2, 2}};
-  tc_volume *volume = seven();
+  g_autoptr(tc_volume) volume = seven();
   double worst[RENDERERS] = {0}, tinted = 0;
   for (size_t shape = 0; shape < sizeof shapes / sizeof *shapes; shape++)
     for (int type = TC_U8; type < TC_F32; type++) {
-      tc_volume *labels = slanted_labels((tc_voxel_type)type, shapes[shape], (unsigned)(10 * type));
-      tc_scene scene;
+      g_autoptr(tc_volume) labels = slanted_labels((tc_voxel_type)type, shapes[shape], (unsigned)(10 * type));
+      g_auto(tc_scene) scene;
       slice_scene(&scene, 6.3);
       with_labels(&scene, 0.7, some_colors, 4);
       scene.filter = shape == 0 && type == TC_I16 ? TC_FILTER_NEAREST : TC_FILTER_LINEAR;
@@ -144,20 +144,17 @@ TEST(every_place_has_the_mean_of_its_eight_labels) {
         }
         if (off > 4) fail_msg("%s: %zu pixels are off", test_names[i], off);
       }
-      tc_scene_clear(&scene);
-      tc_volume_unref(labels);
     }
   EACH_RENDERER(i) printf("  %-7s overlay of slanted labels: max %.1e\n", test_names[i], worst[i]);
   assert_true(tinted > PIXELS);
-  tc_volume_unref(volume);
 }
 
 /* Along a face the overlay rises linearly from one voxel centre to the next: no step is larger than a pixel's share. */
 TEST(faces_are_smooth) {
-  tc_volume *volume = seven();
+  g_autoptr(tc_volume) volume = seven();
   tc_volume *labels =
       test_volume(&(test_grid){.dims = {7, 7, 7}, .type = TC_U8, .spacing = {4, 4, 4}}, halves, &(double){3});
-  tc_scene scene;
+  g_auto(tc_scene) scene;
   slice_scene(&scene, 12);
   with_labels(&scene, 1, (const double[2][4]){{0, 0, 0, 1}, {1, 1, 1, 1}}, 2);
   EACH_RENDERER(i) {
@@ -171,9 +168,7 @@ TEST(faces_are_smooth) {
     }
     if (fabs(largest - 0.125) > 1e-5) fail_msg("%s: a step of %g", test_names[i], largest);
   }
-  tc_scene_clear(&scene);
   tc_volume_unref(labels);
-  tc_volume_unref(volume);
 }
 
 /* A medium of one extinction through which rays run along z, 24 mm long; labels change along x between 8 and 12 mm. */
@@ -187,10 +182,10 @@ static void medium_scene(tc_scene *scene, double extinction) {
 }
 
 TEST(hiding_thins_the_medium_and_tint_colours_it) {
-  tc_volume *volume = seven();
+  g_autoptr(tc_volume) volume = seven();
   tc_volume *labels =
       test_volume(&(test_grid){.dims = {7, 7, 7}, .type = TC_I8, .spacing = {4, 4, 4}}, halves, &(double){3});
-  tc_scene scene;
+  g_auto(tc_scene) scene;
   medium_scene(&scene, 0.1);
   with_labels(&scene, 0.5, (const double[2][4]){{1, 0, 0, 0.5}, {0, 1, 0, 1}}, 2);
   for (int hidden = 0; hidden < 2; hidden++) {
@@ -215,16 +210,14 @@ TEST(hiding_thins_the_medium_and_tint_colours_it) {
       }
     }
   }
-  tc_scene_clear(&scene);
   tc_volume_unref(labels);
-  tc_volume_unref(volume);
 }
 
 /* An opaque body takes exactly the label's colour; labels without a tint change no bit. */
 TEST(full_and_empty_tints_are_exact) {
-  tc_volume *volume = seven();
-  tc_volume *labels = test_volume(&(test_grid){.dims = {25, 25, 25}, .type = TC_U16}, test_constant, &(double){40000});
-  tc_scene scene;
+  g_autoptr(tc_volume) volume = seven();
+  g_autoptr(tc_volume) labels = test_volume(&(test_grid){.dims = {25, 25, 25}, .type = TC_U16}, test_constant, &(double){40000});
+  g_auto(tc_scene) scene;
   medium_scene(&scene, 5);
   static float plain[PIXELS * 4];
   with_labels(&scene, 1, NULL, 0);
@@ -244,9 +237,6 @@ TEST(full_and_empty_tints_are_exact) {
         fail_msg("%s: %g became %g", test_names[i], (double)plain[k], (double)p[k]);
   }
   assert_int_equal(count, TC_LABEL_PALETTE);
-  tc_scene_clear(&scene);
-  tc_volume_unref(labels);
-  tc_volume_unref(volume);
 }
 
 /* ---- agreement ---- */
@@ -318,9 +308,9 @@ TEST(everyone_agrees) {
 /* With smaller steps pictures go to the integral of what is visible; errors fall with the step's square, or nearly. */
 TEST(small_steps_converge_to_the_reference) {
   tc_volume *volume = waves(TC_F32), *labels = slanted_labels(TC_U8, (const int[3]){9, 8, 14}, 3);
-  float *wanted = g_new(float, PIXELS * 4);
+  g_autofree float *wanted = g_new(float, PIXELS * 4);
   for (unsigned bits = 1; bits < 7; bits += 5) { /* plain; shaded, some hidden, parallel */
-    tc_scene scene;
+    g_auto(tc_scene) scene;
     busy_scene(&scene, volume, bits);
     scene.image.width = scene.image.height = SIDE / 2;
     tc_reference *reference = tc_reference_new_labelled(volume, labels, &scene, SIDE / 2, SIDE / 2, 1e-7, NULL);
@@ -337,9 +327,7 @@ TEST(small_steps_converge_to_the_reference) {
              bits > 1 ? "shaded, hidden" : "plain", rms[0], rms[1]);
       if (!(rms[1] < 5e-4 && rms[1] < 0.5 * rms[0])) fail_msg("%s does not converge", test_names[i]);
     }
-    tc_scene_clear(&scene);
   }
-  g_free(wanted);
   tc_volume_unref(labels);
   tc_volume_unref(volume);
 }
@@ -351,9 +339,9 @@ TEST(leaping_changes_no_bit_and_threads_none) {
   uint64_t leaps = 0;
   for (unsigned bits = 0; bits < 16; bits++) {
     if (bits % 4 == 3) continue;
-    tc_volume *volume = waves(TC_U16);
-    tc_volume *labels = slanted_labels(TC_U8, (const int[3]){9, 8, 14}, bits);
-    tc_scene scene;
+    g_autoptr(tc_volume) volume = waves(TC_U16);
+    g_autoptr(tc_volume) labels = slanted_labels(TC_U8, (const int[3]){9, 8, 14}, bits);
+    g_auto(tc_scene) scene;
     busy_scene(&scene, volume, bits);
     scene.skipping.block = 4;
     EACH_RENDERER(i) {
@@ -363,13 +351,9 @@ TEST(leaping_changes_no_bit_and_threads_none) {
       assert_memory_equal(before, render(i, volume, labels, &scene, NULL), sizeof before);
       leaps += test_frames[i].stats.leaps;
     }
-    tc_frame frame = {0};
+    g_auto(tc_frame) frame = {0};
     assert_true(tc_render(one, volume, &scene, &(tc_render_request){.labels = labels}, &frame, NULL, NULL));
     assert_memory_equal(frame.rgba, test_frames[SCALAR].rgba, PIXELS * 4);
-    tc_frame_finish(&frame);
-    tc_scene_clear(&scene);
-    tc_volume_unref(labels);
-    tc_volume_unref(volume);
   }
   assert_true(leaps > 0);
   tc_renderer_free(one);
@@ -411,7 +395,7 @@ TEST(what_is_no_label_volume_is_refused) {
 
 TEST(the_plan_names_labels_where_they_are_read) {
   tc_volume *volume = waves(TC_U8), *labels = slanted_labels(TC_U8, (const int[3]){9, 8, 14}, 1);
-  tc_scene scene;
+  g_auto(tc_scene) scene;
   tc_explanation plan;
   busy_scene(&scene, volume, 2);
   EACH_RENDERER(i) {
@@ -430,15 +414,14 @@ TEST(the_plan_names_labels_where_they_are_read) {
     assert_non_null(strstr(plan.stages[TC_STAGE_LABELS].reason, "mode mip"));
     tc_renderer_forget(test_renderers[i], labels);
   }
-  tc_scene_clear(&scene);
   tc_volume_unref(labels);
   tc_volume_unref(volume);
 }
 
 /* A volume may be its own labels, and GL keeps both in one frame. */
 TEST(a_volume_may_be_its_own_labels) {
-  tc_volume *volume = slanted_labels(TC_U16, (const int[3]){14, 12, 13}, 5);
-  tc_scene scene;
+  g_autoptr(tc_volume) volume = slanted_labels(TC_U16, (const int[3]){14, 12, 13}, 5);
+  g_auto(tc_scene) scene;
   test_scene(&scene, SIDE, SIDE);
   scene.mode = TC_MODE_MPR;
   scene.window.center = 2, scene.window.width = 4;
@@ -450,8 +433,6 @@ TEST(a_volume_may_be_its_own_labels) {
       d = test_compare(render(i, volume, volume, &scene, NULL), test_frames[SCALAR].linear, PIXELS);
     assert_true(d.finite && d.p999 < 1.0 / 255);
   }
-  tc_scene_clear(&scene);
-  tc_volume_unref(volume);
 }
 
 TESTS(test_renderers_open, test_renderers_close)

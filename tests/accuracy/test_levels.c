@@ -132,7 +132,7 @@ TEST(levels_meet_without_a_crack) {
   uint64_t seed = 5;
   for (int round = 0; round < 2; round++) {
     GHashTable *edges = g_hash_table_new_full(g_bytes_hash, g_bytes_equal, (GDestroyNotify)g_bytes_unref, NULL);
-    uint8_t *level = g_malloc(c->n_groups);
+    g_autofree uint8_t *level = g_malloc(c->n_groups);
     for (size_t g = 0; g < c->n_groups; g++) {
       level[g] = (uint8_t)(test_random(&seed) * TC_LEVELS);
       while (!isfinite(c->groups[g].error[level[g]])) level[g]--;
@@ -167,7 +167,6 @@ TEST(levels_meet_without_a_crack) {
       assert_true(outside || sum == 0);
     }
     g_hash_table_unref(edges);
-    g_free(level);
   }
 }
 
@@ -188,7 +187,7 @@ static void place(const tc_mesh_view *v, const double p[3], double at[2]) {
  * limit; and where there is room, coarser levels are taken. */
 TEST(choices_are_bounded_in_pixels) {
   const tc_clusters *c = f.levels;
-  uint8_t *level = g_malloc(c->n_groups);
+  g_autofree uint8_t *level = g_malloc(c->n_groups);
   for (int i = 0; i < 12; i++) {
     const double pixels = i & 1 ? 1 : 0.5, apart = (double[]){70, 200, 900}[i / 4];
     tc_camera camera;
@@ -219,7 +218,6 @@ TEST(choices_are_bounded_in_pixels) {
     assert_true(most <= pixels * 1.02); /* a ball is not quite a disc in the picture */
     if (apart > 800) assert_true(n < tc_clusters_in_full(c) / 3);
   }
-  g_free(level);
 }
 
 TEST(a_triangle_takes_at_most_40_bytes) {
@@ -296,7 +294,7 @@ static bool has_levels(const tc_explanation *plan) { return strstr(plan->stages[
 static void come_beside(tc_renderer *r) {
   tc_frame full = {0}, frame = {0};
   tc_explanation plan;
-  tc_scene scene;
+  g_auto(tc_scene) scene;
   test_scene(&scene, 160, 120);
   test_scene_frame(&scene, f.volume, TC_PERSPECTIVE, (double[3]){0.5, -1, 0.3});
   scene.mode = TC_MODE_MESH, scene.isosurface.value = ISO;
@@ -321,16 +319,14 @@ static void come_beside(tc_renderer *r) {
   draw(r, &scene, true, &frame, &plan);
   assert_non_null(strstr(plan.stages[TC_STAGE_MESH].reason, "within 1 pixels"));
   tc_frame_finish(&full), tc_frame_finish(&frame);
-  tc_scene_clear(&scene);
 }
 
 TEST(levels_come_beside) {
   for (int i = 0; i < 2; i++) {
     const tc_backend backend = i ? TC_BACKEND_GL : TC_BACKEND_CPU;
-    tc_renderer *r = tc_renderer_new(&(tc_renderer_options){.backend = backend, .threads = 2, .levels = true}, NULL);
+    g_autoptr(tc_renderer) r = tc_renderer_new(&(tc_renderer_options){.backend = backend, .threads = 2, .levels = true}, NULL);
     assert_true(r || i); /* not every machine has OpenGL */
     if (r) come_beside(r);
-    tc_renderer_free(r);
   }
 }
 
@@ -338,19 +334,16 @@ TEST(levels_come_beside) {
 TEST(levels_need_memory_and_rest) {
   for (int i = 0; i < 2; i++) {
     const tc_renderer_options options = {.backend = TC_BACKEND_CPU, .threads = 1, .levels = true};
-    tc_renderer *r = tc_renderer_new(&options, NULL);
-    tc_frame frame = {0};
+    g_autoptr(tc_renderer) r = tc_renderer_new(&options, NULL);
+    g_auto(tc_frame) frame = {0};
     tc_explanation plan;
-    tc_scene scene;
+    g_auto(tc_scene) scene;
     test_scene(&scene, 60, 60);
     test_scene_frame(&scene, f.volume, TC_PERSPECTIVE, (double[3]){0.5, -1, 0.3});
     scene.mode = TC_MODE_MESH, scene.isosurface.value = ISO;
     tc_renderer_limit_cache(r, i ? UINT64_MAX : f.full->bytes * 5 / 4);
     for (int n = 0; n < 5; n++) draw(r, &scene, i, &frame, &plan);
     assert_true(tc_renderer_cached(r) == f.full->bytes && tc_renderer_wanted(r) == 0 && !has_levels(&plan));
-    tc_frame_finish(&frame);
-    tc_scene_clear(&scene);
-    tc_renderer_free(r);
   }
 }
 

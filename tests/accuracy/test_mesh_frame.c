@@ -31,7 +31,7 @@ typedef struct truth {
 
 static void find_truth(tc_volume *volume, const tc_scene *scene, truth *t) {
   GError *error = NULL;
-  tc_reference *r = tc_reference_new(volume, scene, SIDE, SIDE, 0, &error);
+  g_autoptr(tc_reference) r = tc_reference_new(volume, scene, SIDE, SIDE, 0, &error);
   if (!r) fail_msg("%s", error->message);
   for (int i = 0; i < PIXELS; i++) {
     tc_reference_hit hit;
@@ -41,7 +41,6 @@ static void find_truth(tc_volume *volume, const tc_scene *scene, truth *t) {
     tc_reference_pixel(r, i % SIDE + 0.5, i / SIDE + 0.5, rgba);
     for (int c = 0; c < 4; c++) t->rgba[i][c] = (float)rgba[c];
   }
-  tc_reference_free(r);
 }
 
 /* The surface there is smooth, as far as pixels around it tell: nothing ends within two of it. */
@@ -89,8 +88,8 @@ TEST(surface_is_where_the_field_has_it) {
 }
 
 TEST(every_renderer_draws_the_same_bytes) {
-  tc_volume *volume = waves(TC_U8);
-  tc_scene scene;
+  g_autoptr(tc_volume) volume = waves(TC_U8);
+  g_auto(tc_scene) scene;
   mesh_scene(&scene, volume, TC_PERSPECTIVE);
   scene.sampling.rays_per_pixel = 4;
   const uint8_t *first = NULL;
@@ -99,15 +98,13 @@ TEST(every_renderer_draws_the_same_bytes) {
     if (!first) first = frame->rgba;
     assert_memory_equal(frame->rgba, first, 4 * PIXELS);
   }
-  tc_scene_clear(&scene);
-  tc_volume_unref(volume);
 }
 
 /* Once extracted a surface stays; another value or another volume has its own; where it is nowhere the picture is empty. */
 TEST(a_surface_is_extracted_once) {
   const int which = test_widest();
-  tc_volume *volume = waves(TC_U8);
-  tc_scene scene;
+  g_autoptr(tc_volume) volume = waves(TC_U8);
+  g_auto(tc_scene) scene;
   tc_explanation plan;
   mesh_scene(&scene, volume, TC_PERSPECTIVE);
   test_draw(which, volume, &scene, NULL, &plan);
@@ -122,8 +119,6 @@ TEST(a_surface_is_extracted_once) {
   const tc_frame *frame = test_draw(which, volume, &scene, NULL, &plan);
   for (int i = 0; i < PIXELS; i++) assert_true(frame->linear[4 * i + 3] == 0);
   assert_non_null(strstr(plan.stages[TC_STAGE_GRADIENT].reason, "empty picture"));
-  tc_scene_clear(&scene);
-  tc_volume_unref(volume);
 }
 
 /* Balls of radius 8 mm about (12, 20, 20), label 3, and (28, 20, 20), label 7. */
@@ -146,8 +141,8 @@ static const float *pixel_of(const tc_frame *frame, double x) { /* of the point 
 
 TEST(labels_have_surfaces_of_their_colours) {
   const int which = test_widest();
-  tc_volume *labels = balls();
-  tc_scene scene;
+  g_autoptr(tc_volume) labels = balls();
+  g_auto(tc_scene) scene;
   tc_explanation plan;
   mesh_scene(&scene, labels, TC_PERSPECTIVE);
   test_scene_look(&scene, TC_ORTHOGRAPHIC, (double[3]){20, -50, 20}, (double[3]){20, 20, 20}, 50);
@@ -177,14 +172,12 @@ TEST(labels_have_surfaces_of_their_colours) {
   tc_scene_set_visible(&scene, g_memdup2(&seven, sizeof seven), 1);
   frame = test_draw(which, labels, &scene, &request, NULL);
   assert_true(pixel_of(frame, 12)[3] == 0 && pixel_of(frame, 28)[3] == 1);
-  tc_scene_clear(&scene);
-  tc_volume_unref(labels);
 }
 
 TEST(frames_stop_and_go_on_to_the_same_picture) {
   const int which = test_widest();
   tc_scene scene;
-  tc_frame frame = {0};
+  g_auto(tc_frame) frame = {0};
   for (int cancel = 0; cancel < 2; cancel++) {
     tc_volume *volume = waves(TC_F32); /* new: extracted while it is stopped */
     mesh_scene(&scene, volume, TC_PERSPECTIVE);
@@ -209,14 +202,13 @@ TEST(frames_stop_and_go_on_to_the_same_picture) {
     tc_scene_clear(&scene);
     tc_volume_unref(volume);
   }
-  tc_frame_finish(&frame);
 }
 
 /* The scene's list: values, labels and their colours together, each made once, whatever is done to the others. */
 TEST(several_surfaces_are_one_picture) {
   const int which = test_widest();
   tc_volume *labels = balls(); /* 0, 3 and 7: at 1.5 the surface of both, at 5 that of the second alone */
-  tc_scene scene;
+  g_auto(tc_scene) scene;
   tc_explanation plan;
   mesh_scene(&scene, labels, TC_PERSPECTIVE);
   test_scene_look(&scene, TC_ORTHOGRAPHIC, (double[3]){20, -50, 20}, (double[3]){20, 20, 20}, 50);
@@ -263,7 +255,6 @@ TEST(several_surfaces_are_one_picture) {
   for (size_t i = 0; i < 4; i++) scene.mesh.surfaces[i].visible = false;
   frame = test_draw(which, labels, &scene, &request, &plan);
   for (int i = 0; i < PIXELS; i++) assert_true(frame->linear[4 * i + 3] == 0);
-  tc_scene_clear(&scene);
   tc_volume_unref(labels);
 }
 
@@ -288,7 +279,7 @@ static double in_two_halves(double x, double y, double z, const void *user) {
 
 /* Lists of surfaces have the exact surfaces as their truth: all of their layers, of each its own colour and shading. */
 TEST(lists_are_near_the_exact_surfaces) {
-  tc_volume *volume = test_volume(&(test_grid){.dims = {40, 40, 40}, .type = TC_F32}, test_radius2, (double[3]){20, 20, 20});
+  g_autoptr(tc_volume) volume = test_volume(&(test_grid){.dims = {40, 40, 40}, .type = TC_F32}, test_radius2, (double[3]){20, 20, 20});
   const tc_mesh_surface list[3] = {
       {.value = 200, .color = {1, 0.4, 0.2}, .opacity = 0.4, .has_color = true, .visible = true, .two_sided = true},
       {.value = 100, .color = {0.3, 1, 0.2}, .opacity = 0.5, .has_color = true, .visible = true, .own_shading = 1},
@@ -310,15 +301,14 @@ TEST(lists_are_near_the_exact_surfaces) {
   print_message("\n");
   tc_scene_clear(&other);
   tc_scene_clear(&scene);
-  tc_volume_unref(volume);
 }
 
 /* Whatever a list holds, alone and within a volume: each member counts, the lights too. */
 TEST(whatever_is_drawn_has_a_truth) {
   const test_grid grid = {.dims = {40, 40, 40}, .type = TC_U8, .slope = 1};
-  tc_volume *volume = test_volume(&(test_grid){.dims = {40, 40, 40}, .type = TC_F32}, test_radius2, (double[3]){20, 20, 20});
-  tc_volume *labels = test_volume(&grid, in_two_halves, NULL);
-  tc_mesh *ball = tc_mesh_extract(volume, 300, &(tc_mesh_options){.normals = false}, NULL);
+  g_autoptr(tc_volume) volume = test_volume(&(test_grid){.dims = {40, 40, 40}, .type = TC_F32}, test_radius2, (double[3]){20, 20, 20});
+  g_autoptr(tc_volume) labels = test_volume(&grid, in_two_halves, NULL);
+  g_autoptr(tc_mesh) ball = tc_mesh_extract(volume, 300, &(tc_mesh_options){.normals = false}, NULL);
   const tc_mesh_surface list[4] = {
       {.source = TC_SURFACE_OF_MESH, .color = {1, 0.4, 0.2}, .opacity = 0.4, .has_color = true, .visible = true, .two_sided = true},
       {.source = TC_SURFACE_OF_LABEL, .label = 2, .opacity = 0.5, .visible = true, .two_sided = true},
@@ -327,7 +317,7 @@ TEST(whatever_is_drawn_has_a_truth) {
   tc_mesh *const meshes[4] = {ball};
   static const tc_mode modes[3] = {TC_MODE_MESH, TC_MODE_DVR, TC_MODE_MIP};
   for (int m = 0; m < 3; m++) {
-    tc_scene scene;
+    g_auto(tc_scene) scene;
     const tc_knot fog[2] = {{-1000, {0.2, 0.4, 0.6}, 0.03}, {1000, {0.2, 0.4, 0.6}, 0.03}};
     mesh_scene(&scene, volume, TC_PERSPECTIVE);
     test_scene_knots(&scene, TC_KNOT_EXTINCTION, fog, 2);
@@ -341,28 +331,23 @@ TEST(whatever_is_drawn_has_a_truth) {
     if (modes[m] == TC_MODE_MIP) scene.mesh.surfaces[1].source = TC_SURFACE_OF_VALUE, scene.mesh.surfaces[1].value = 150; /* no labels there */
     double off[6];
     for (int i = 0; i < 6; i++) { /* what is drawn, against a truth that lacks one thing from i = 1 on */
-      tc_scene truth;
+      g_auto(tc_scene) truth;
       tc_scene_copy(&truth, &scene);
       tc_scene_set_surfaces(&truth, g_memdup2(scene.mesh.surfaces, sizeof list), 4);
       if (i && i < 5) truth.mesh.surfaces[i - 1].visible = false;
       if (i == 5) truth.mesh.n_lights = 0;
       off[i] = error_of_drawn(volume, labels, meshes, &scene, &truth);
-      tc_scene_clear(&truth);
     }
     print_message("  %s: rms %.1e; without each %.3f %.3f %.3f %.3f, lights %.3f\n", tc_mode_names[modes[m]], off[0], off[1], off[2], off[3], off[4], off[5]);
     assert_true(off[0] < 0.012);
     for (int i = 1; i < 6; i++) assert_true(off[i] > 2 * off[0]);
-    tc_scene_clear(&scene);
   }
-  tc_mesh_free(ball);
-  tc_volume_unref(labels);
-  tc_volume_unref(volume);
 }
 
 /* Without a list a mesh is every label. */
 TEST(labels_have_a_truth) {
   const test_grid grid = {.dims = {40, 40, 40}, .type = TC_U8, .slope = 1};
-  tc_volume *labels = test_volume(&grid, in_two_halves, NULL);
+  g_autoptr(tc_volume) labels = test_volume(&grid, in_two_halves, NULL);
   tc_scene scene, truth;
   mesh_scene(&scene, labels, TC_PERSPECTIVE);
   scene.shading.model = TC_SHADING_LAMBERT, scene.labels.opacity = 1;
@@ -375,7 +360,6 @@ TEST(labels_have_a_truth) {
   assert_true(off < 0.012 && without > 4 * off);
   tc_scene_clear(&truth);
   tc_scene_clear(&scene);
-  tc_volume_unref(labels);
 }
 
 /* ---- within a volume ---- */
@@ -421,7 +405,7 @@ static tc_volume *around_a_ball(void) {
 
 TEST(surfaces_are_between_what_is_before_and_behind_them) {
   const int which = test_widest();
-  tc_volume *volume = around_a_ball();
+  g_autoptr(tc_volume) volume = around_a_ball();
   for (int round = 0; round < 4; round++) {
     const double opacity = round & 1 ? 1 : 0.4;
     tc_scene scene;
@@ -449,14 +433,13 @@ TEST(surfaces_are_between_what_is_before_and_behind_them) {
     assert_true(met > 400 && plan.stages[TC_STAGE_MESH].included && plan.stages[TC_STAGE_TABLE_2D].included);
     tc_scene_clear(&scene);
   }
-  tc_volume_unref(volume);
 }
 
 TEST(layers_are_bounded) {
   const unsigned most = tc_mesh_most_layers;
-  tc_volume *volume = around_a_ball();
-  tc_scene scene;
-  tc_frame frame = {0};
+  g_autoptr(tc_volume) volume = around_a_ball();
+  g_auto(tc_scene) scene;
+  g_auto(tc_frame) frame = {0};
   GError *error = NULL;
   scene_within(&scene, volume, TC_MODE_DVR, 0.4);
   tc_mesh_most_layers = 500;
@@ -466,15 +449,12 @@ TEST(layers_are_bounded) {
   assert_string_equal(tc_error_pointer(error), "/mesh/surfaces");
   g_clear_error(&error);
   assert_true(tc_render(test_renderers[test_widest()], volume, &scene, NULL, &frame, NULL, NULL));
-  tc_frame_finish(&frame);
-  tc_scene_clear(&scene);
-  tc_volume_unref(volume);
 }
 
 /* Brightness y / 40 grows along the rays: what is in front of a surface is darker than what is behind it. */
 TEST(surfaces_end_and_divide_maxima) {
   const int which = test_widest();
-  tc_volume *volume = test_volume(&(test_grid){.dims = {40, 40, 40}, .type = TC_F32}, test_linear, (double[4]){0, 1, 0, 0});
+  g_autoptr(tc_volume) volume = test_volume(&(test_grid){.dims = {40, 40, 40}, .type = TC_F32}, test_linear, (double[4]){0, 1, 0, 0});
   for (int round = 0; round < 3; round++) {
     const double opacity = round ? 1 : 0.4;
     tc_scene scene;
@@ -497,15 +477,14 @@ TEST(surfaces_end_and_divide_maxima) {
     assert_true(fabs(frame->linear[4 * (SIDE / 2 * SIDE + SIDE / 2 + 5)] - 39 / 40.0) < 0.001);
     tc_scene_clear(&scene);
   }
-  tc_volume_unref(volume);
 }
 
 /* Three slices through (10, 12, 14), seen in perspective: each shows the field where it is met, in front of the others. */
 TEST(slices_show_the_field_where_they_are) {
   static const double at[3] = {10, 12, 14}, ramp[4] = {0.01, 0.005, 0.008, 0};
   const int which = test_widest();
-  tc_volume *volume = test_volume(&(test_grid){.dims = {40, 40, 40}, .type = TC_F32}, test_linear, ramp);
-  tc_scene scene;
+  g_autoptr(tc_volume) volume = test_volume(&(test_grid){.dims = {40, 40, 40}, .type = TC_F32}, test_linear, ramp);
+  g_auto(tc_scene) scene;
   mesh_scene(&scene, volume, TC_PERSPECTIVE);
   scene.window.center = 0.4, scene.window.width = 1;
   scene.mpr.has_center = true;
@@ -549,16 +528,14 @@ TEST(slices_show_the_field_where_they_are) {
     assert_true(fabs((double)frame->linear[4 * i] - fmin(fmax(value - 0.4 + 0.5, 0), 1)) < 0.002);
   }
   assert_true(compared > PIXELS * 3 / 4);
-  tc_scene_clear(&scene);
-  tc_volume_unref(volume);
 }
 
 TEST(what_cannot_be_is_refused) {
   const tc_renderer_options small = {.threads = 1, .backend = TC_BACKEND_CPU, .cache_bytes = 100000};
-  tc_renderer *renderer = tc_renderer_new(&small, NULL);
-  tc_volume *volume = waves(TC_U8);
-  tc_scene scene;
-  tc_frame frame = {0};
+  g_autoptr(tc_renderer) renderer = tc_renderer_new(&small, NULL);
+  g_autoptr(tc_volume) volume = waves(TC_U8);
+  g_auto(tc_scene) scene;
+  g_auto(tc_frame) frame = {0};
   GError *error = NULL;
   mesh_scene(&scene, volume, TC_PERSPECTIVE);
   assert_false(tc_render(renderer, volume, &scene, NULL, &frame, NULL, &error));
@@ -573,10 +550,6 @@ TEST(what_cannot_be_is_refused) {
   assert_false(tc_render(renderer, volume, &scene, NULL, &frame, NULL, &error));
   assert_string_equal(tc_error_pointer(error), "/mesh/surfaces/0"); /* no volume of labels */
   g_clear_error(&error);
-  tc_frame_finish(&frame);
-  tc_scene_clear(&scene);
-  tc_volume_unref(volume);
-  tc_renderer_free(renderer);
 }
 
 TESTS(test_renderers_open, test_renderers_close)

@@ -163,7 +163,7 @@ static void assert_step_alone_counts(tc_scene *s, tc_volume *labels, const char 
   tc_meter_result found[2];
   for (int i = 0; i < 2; i++) {
     GError *error = NULL;
-    tc_frame drawn = {0};
+    g_auto(tc_frame) drawn = {0};
     s->sampling.step = steps[i] / s->sampling.rays_per_pixel;
     if (!tc_render(renderer, volume, s, &(tc_render_request){.want_linear = true, .labels = labels}, &drawn, NULL,
                    &error))
@@ -172,7 +172,6 @@ static void assert_step_alone_counts(tc_scene *s, tc_volume *labels, const char 
     if (!tc_meter_measure(meter, volume, labels, NULL, s, NULL, 0, &found[i], &error))
       fail_msg("%s: %s", what, error->message);
     tc_meter_free(meter);
-    tc_frame_finish(&drawn);
   }
   printf("  %s: rms %.2e at a spacing of 2 voxels, %.2e at 1/8\n", what, found[0].rms, found[1].rms);
   assert_true(found[1].rms < 8e-4);
@@ -222,20 +221,18 @@ static double stripes(double x, double y, double z, const void *context) { retur
 
 TEST(labels_are_measured_too) {
   char reason[96];
-  tc_scene s;
+  g_auto(tc_scene) s;
   const tc_volume_desc *d = tc_volume_describe(volume);
   test_grid grid = {.dims = {d->dims[0], d->dims[1], d->dims[2]}, .type = TC_U8};
   memcpy(grid.spacing, d->spacing, sizeof grid.spacing);
   memcpy(grid.origin, d->origin, sizeof grid.origin);
-  tc_volume *labels = test_volume(&grid, stripes, NULL);
+  g_autoptr(tc_volume) labels = test_volume(&grid, stripes, NULL);
   tc_scene_copy(&s, &scene);
   strcpy(s.labels.volume, "stripes");
   s.labels.opacity = 0.8;
   assert_false(tc_meter_refuses(&s, reason, sizeof reason));
   for (s.sampling.rays_per_pixel = 1; s.sampling.rays_per_pixel <= 3; s.sampling.rays_per_pixel += 2)
     assert_step_alone_counts(&s, labels, s.sampling.rays_per_pixel == 1 ? "labels" : "labels, three rays a pixel");
-  tc_scene_clear(&s);
-  tc_volume_unref(labels);
 }
 
 TESTS(set_up, tear_down)

@@ -191,10 +191,10 @@ TEST(known_voxel_on_known_pixel) {
     for (size_t v = 0; v < G_N_ELEMENTS(voxels); v++) {
       const double index[3] = {voxels[v][0], voxels[v][1], voxels[v][2]};
       test_grid grid = grid_of(&placings[at], 17, 13, 9, TC_U8);
-      tc_volume *volume = test_volume(&grid, one_voxel, index);
+      g_autoptr(tc_volume) volume = test_volume(&grid, one_voxel, index);
       for (int o = 0; o < TC_MPR_ORIENTATION_COUNT; o++)
         for (size_t p = 0; p < G_N_ELEMENTS(pixels); p++) {
-          tc_scene scene;
+          g_auto(tc_scene) scene;
           scene_of(&scene, (tc_mpr_orientation)o, 0, 400);
           scene.filter = (p + v) % 2 ? TC_FILTER_LINEAR : TC_FILTER_NEAREST;
           scene.mpr.zoom = 2.5;
@@ -216,9 +216,7 @@ TEST(known_voxel_on_known_pixel) {
               fail_msg("%s, voxel %zu, plane %d, %s: brightest at %zu,%zu and not %d,%d", placings[at].name, v, o,
                        test_names[m], best % WIDTH, best / WIDTH, pixels[p][0], pixels[p][1]);
           }
-          tc_scene_clear(&scene);
         }
-      tc_volume_unref(volume);
     }
 }
 
@@ -297,10 +295,10 @@ TEST(slice_is_the_field) {
       tally t = {0};
       uint64_t random = 5;
       for (int at = 0; at < N_PLACINGS; at++) {
-        tc_volume *volume = noise_volume(&placings[at], (tc_voxel_type)type, at % 2 ? -0.25 : 1);
+        g_autoptr(tc_volume) volume = noise_volume(&placings[at], (tc_voxel_type)type, at % 2 ? -0.25 : 1);
         for (int o = 0; o < TC_MPR_ORIENTATION_COUNT; o++)
           for (int filter = 0; filter < 2; filter++) {
-            tc_scene scene;
+            g_auto(tc_scene) scene;
             scene_of(&scene, (tc_mpr_orientation)o, 0, 1);
             whole_window(&scene, volume);
             scene.filter = filter ? TC_FILTER_NEAREST : TC_FILTER_LINEAR;
@@ -309,9 +307,7 @@ TEST(slice_is_the_field) {
             double index[3] = {18 * test_random(&random), 14 * test_random(&random), 10 * test_random(&random)};
             tc_volume_index_to_lps(volume, index, scene.mpr.center);
             check_slice(m, volume, &scene, &t);
-            tc_scene_clear(&scene);
           }
-        tc_volume_unref(volume);
       }
       printf("  %s %-6s: %zu pixels of the field, %zu beside it, %zu in faces and ties, worst %.1e\n",
              tc_voxel_type_name((tc_voxel_type)type), test_names[m], t.seen, t.empty, t.skipped, t.worst);
@@ -322,10 +318,10 @@ TEST(slice_is_the_field) {
 /* A plane through the very first or last voxels is theirs, whatever rounding says. */
 TEST(outermost_slices_show) {
   for (int at = 0; at < N_PLACINGS; at++) {
-    tc_volume *volume = noise_volume(&placings[at], TC_I16, 1);
+    g_autoptr(tc_volume) volume = noise_volume(&placings[at], TC_I16, 1);
     for (int axis = 0; axis < 3; axis++)
       for (int end = 0; end < 2; end++) {
-        tc_scene scene;
+        g_auto(tc_scene) scene;
         scene_of(&scene, TC_OBLIQUE, 0, 1);
         whole_window(&scene, volume);
         double index[3] = {9, 7, 5}, matrix[9];
@@ -343,9 +339,7 @@ TEST(outermost_slices_show) {
             if (got[4 * i + 3] != 1)
               fail_msg("%s, axis %d, %s: pixel %d is empty", placings[at].name, axis, test_names[m], i);
         }
-        tc_scene_clear(&scene);
       }
-    tc_volume_unref(volume);
   }
 }
 
@@ -427,20 +421,18 @@ TEST(slabs_take_their_samples) {
   EACH_RENDERER(m) {
     double worst = 0;
     for (int at = 0; at < N_PLACINGS; at++) {
-      tc_volume *volume = noise_volume(&placings[at], at % 2 ? TC_U16 : TC_F32, at % 3 ? -0.5 : 2);
+      g_autoptr(tc_volume) volume = noise_volume(&placings[at], at % 2 ? TC_U16 : TC_F32, at % 3 ? -0.5 : 2);
       const double *s = placings[at].spacing;
       double least = fmin(s[0], fmin(s[1], s[2]));
       for (int o = 0; o < TC_MPR_ORIENTATION_COUNT; o++)
         for (int projection = 0; projection < TC_SLAB_PROJECTION_COUNT; projection++) {
-          tc_scene scene;
+          g_auto(tc_scene) scene;
           scene_of(&scene, (tc_mpr_orientation)o, 0, 1);
           whole_window(&scene, volume);
           scene.mpr.projection = (tc_slab_projection)projection;
           scene.mpr.thickness_mm = thick[(at + o) % 4];
           worst = fmax(worst, check_slab(m, volume, &scene, least, SLACK, allowed(m)));
-          tc_scene_clear(&scene);
         }
-      tc_volume_unref(volume);
     }
     printf("  %-6s: worst %.1e of the range\n", test_names[m], worst);
   }
@@ -452,27 +444,25 @@ TEST(slabs_come_to_the_truth) {
   EACH_RENDERER(m)
     for (int at = 0; at < N_PLACINGS; at++) {
       test_grid grid = grid_of(&placings[at], 19, 15, 11, TC_F32);
-      tc_volume *volume = test_volume(&grid, test_waves, &wavelength);
+      g_autoptr(tc_volume) volume = test_volume(&grid, test_waves, &wavelength);
       for (int projection = 0; projection < TC_SLAB_PROJECTION_COUNT; projection++) {
-        tc_scene scene;
+        g_auto(tc_scene) scene;
         scene_of(&scene, TC_OBLIQUE, 0, 1);
         scene.sampling.step = 0.03;
         scene.mpr.projection = (tc_slab_projection)projection;
         scene.mpr.thickness_mm = 6;
         check_slab(m, volume, &scene, 0.01, SLACK, fmax(allowed(m), 2e-3));
-        tc_scene_clear(&scene);
       }
-      tc_volume_unref(volume);
     }
 }
 
 /* A slab of the whole volume along an axis is that of its voxels: exact, with no doubt about faces. */
 TEST(columns_of_voxels) {
-  tc_volume *volume = noise_volume(&placings[0], TC_U8, 1);
+  g_autoptr(tc_volume) volume = noise_volume(&placings[0], TC_U8, 1);
   const uint8_t *voxels = tc_volume_data(volume);
   EACH_RENDERER(m)
     for (int projection = 0; projection < TC_SLAB_PROJECTION_COUNT; projection++) {
-      tc_scene scene;
+      g_auto(tc_scene) scene;
       scene_of(&scene, TC_AXIAL, 0, 255);
       scene.image.width = 19, scene.image.height = 15;
       scene.mpr.zoom = 18.0 / 19; /* a voxel a pixel; the rest is a row of pixels beside the field */
@@ -491,20 +481,18 @@ TEST(columns_of_voxels) {
           if (fabs(grey - want / 255) > fmax(allowed(m), 1e-3))
             fail_msg("%s: column %d,%d shows %g, wanted %g", test_names[m], x, y, grey * 255, want);
         }
-      tc_scene_clear(&scene);
     }
-  tc_volume_unref(volume);
 }
 
 /* ---- the window, odd volumes, the rest of the scene ---- */
 
 TEST(window_maps_to_grey) {
   static const double windows[][2] = {{50, 100}, {30, 10}, {30, 1e-12}, {1e6, 1}, {-1e6, 1}, {50, 1e9}, {0, 1e-300}};
-  tc_volume *volume = test_volume(&(test_grid){.dims = {101, 3, 3}, .type = TC_I16, .slope = 0.5, .intercept = -7},
+  g_autoptr(tc_volume) volume = test_volume(&(test_grid){.dims = {101, 3, 3}, .type = TC_I16, .slope = 0.5, .intercept = -7},
                                   test_linear, (double[4]){1, 0, 0, 0});
   EACH_RENDERER(m)
     for (size_t w = 0; w < G_N_ELEMENTS(windows); w++) {
-      tc_scene scene;
+      g_auto(tc_scene) scene;
       scene_of(&scene, TC_AXIAL, 0, 1);
       scene.image.width = 101, scene.image.height = 3;
       scene.mpr.zoom = 100.0 / 101; /* pixel x is voxel x */
@@ -517,9 +505,7 @@ TEST(window_maps_to_grey) {
           fail_msg("%s: window %g, %g: value %d shows %g", test_names[m], windows[w][0], windows[w][1], x,
                    got[4 * (101 + x)]);
       }
-      tc_scene_clear(&scene);
     }
-  tc_volume_unref(volume);
 }
 
 TEST(thin_volumes) {
@@ -527,11 +513,11 @@ TEST(thin_volumes) {
   const unsigned seed = 3;
   for (size_t i = 0; i < G_N_ELEMENTS(dims); i++) {
     test_grid grid = {.dims = {dims[i][0], dims[i][1], dims[i][2]}, .type = TC_F32, .spacing = {1, 2, 5}};
-    tc_volume *volume = test_volume(&grid, test_noise, &seed);
+    g_autoptr(tc_volume) volume = test_volume(&grid, test_noise, &seed);
     EACH_RENDERER(m)
       for (int o = 0; o < TC_MPR_ORIENTATION_COUNT; o++)
         for (int slab = 0; slab <= TC_SLAB_PROJECTION_COUNT; slab++) {
-          tc_scene scene;
+          g_auto(tc_scene) scene;
           scene_of(&scene, (tc_mpr_orientation)o, 0, 1);
           if (slab) scene.mpr.thickness_mm = 3, scene.mpr.projection = (tc_slab_projection)(slab - 1);
           tally t = {0};
@@ -541,21 +527,19 @@ TEST(thin_volumes) {
             check_slice(m, volume, &scene, &t);
           size_t middle = HEIGHT / 2 * WIDTH + WIDTH / 2;
           assert_true(test_frames[m].linear[4 * middle + 3] == 1);
-          tc_scene_clear(&scene);
         }
-    tc_volume_unref(volume);
   }
 }
 
 /* What means nothing to a slice changes nothing, and is not looked at. */
 TEST(other_members_are_ignored) {
-  tc_volume *volume = noise_volume(&placings[4], TC_U16, 1);
+  g_autoptr(tc_volume) volume = noise_volume(&placings[4], TC_U16, 1);
   EACH_RENDERER(m) {
-    tc_scene scene;
+    g_auto(tc_scene) scene;
     scene_of(&scene, TC_CORONAL, 20000, 50000);
     scene.image.background[2] = 0.4;
     render(m, volume, &scene);
-    uint8_t *plain = g_memdup2(test_frames[m].rgba, WIDTH * HEIGHT * 4);
+    g_autofree uint8_t *plain = g_memdup2(test_frames[m].rgba, WIDTH * HEIGHT * 4);
     scene.classification = TC_POST, scene.order = TC_BACK_TO_FRONT, scene.shading.model = TC_SHADING_GOOCH;
     scene.image.linear_light = scene.sampling.coherence = scene.sampling.jitter = true;
     scene.sampling.termination = 0.5;
@@ -569,10 +553,7 @@ TEST(other_members_are_ignored) {
     render(m, volume, &scene);
     assert_int_equal(test_frames[m].rgba[3], 0);
     assert_int_equal(test_frames[m].rgba[4 * (HEIGHT / 2 * WIDTH + WIDTH / 2) + 3], 255);
-    g_free(plain);
-    tc_scene_clear(&scene);
   }
-  tc_volume_unref(volume);
 }
 
 /* A clip box and plane cut slices where they lie, and a slab's column to what is left: its ends are sampled there. */
@@ -611,12 +592,12 @@ TEST(clipping_cuts_slices) {
 }
 
 TEST(plan_names_what_runs) {
-  tc_volume *volume = noise_volume(&placings[0], TC_U16, 1);
+  g_autoptr(tc_volume) volume = noise_volume(&placings[0], TC_U16, 1);
   static const char *const names[] = {"mpr.slice.linear.u16.", "mpr.mip.nearest.u16.", "mpr.minip.linear.u16.",
                                       "mpr.average.nearest.u16."};
   EACH_RENDERER(m)
     for (int slab = 0; slab < 4; slab++) {
-      tc_scene scene;
+      g_auto(tc_scene) scene;
       tc_explanation plan;
       GError *error = NULL;
       scene_of(&scene, TC_AXIAL, 0, 1);
@@ -632,22 +613,19 @@ TEST(plan_names_what_runs) {
       assert_true(frame->stats.tables_ms == 0 && frame->stats.skip_ms == 0);
       if (!slab) assert_int_equal(frame->stats.samples, frame->stats.rays); /* one sample a pixel */
       assert_true(tc_renderer_explain(test_renderers[m], volume, &scene, NULL, &plan, &error));
-      tc_scene_clear(&scene);
     }
-  tc_volume_unref(volume);
 }
 
 static void expect_refused(tc_volume *volume, const tc_scene *scene, int code, const char *pointer) {
   tc_explanation plan;
-  GError *error = NULL;
+  g_autoptr(GError) error = NULL;
   if (tc_explain(volume, scene, WIDTH, HEIGHT, &plan, &error)) fail_msg("%s was not refused", pointer);
   assert_int_equal(error->code, code);
   assert_string_equal(tc_error_pointer(error), pointer);
-  g_error_free(error);
 }
 
 TEST(refusals_point_at_members) {
-  tc_volume *volume = noise_volume(&placings[0], TC_U8, 1);
+  g_autoptr(tc_volume) volume = noise_volume(&placings[0], TC_U8, 1);
   tc_scene s, good;
   scene_of(&good, TC_OBLIQUE, 0, 255);
 #define REFUSED(edit, code, pointer) (s = good, edit, expect_refused(volume, &s, code, pointer))
@@ -672,31 +650,27 @@ TEST(refusals_point_at_members) {
   memset(s.mpr.normal, 0, sizeof s.mpr.normal);
   assert_true(tc_explain(volume, &s, WIDTH, HEIGHT, &plan, NULL));
   tc_scene_clear(&good);
-  tc_volume_unref(volume);
 }
 
 /* The oblique plane that a new scene holds is the axial one. */
 TEST(default_oblique_is_axial) {
-  tc_volume *volume = noise_volume(&placings[6], TC_U16, 1);
-  tc_scene scene;
+  g_autoptr(tc_volume) volume = noise_volume(&placings[6], TC_U16, 1);
+  g_auto(tc_scene) scene;
   test_scene(&scene, WIDTH, HEIGHT);
   scene.mode = TC_MODE_MPR;
   whole_window(&scene, volume);
   render(SCALAR, volume, &scene);
-  uint8_t *axial = g_memdup2(test_frames[SCALAR].rgba, WIDTH * HEIGHT * 4);
+  g_autofree uint8_t *axial = g_memdup2(test_frames[SCALAR].rgba, WIDTH * HEIGHT * 4);
   scene.mpr.orientation = TC_OBLIQUE;
   render(SCALAR, volume, &scene);
   assert_memory_equal(test_frames[SCALAR].rgba, axial, WIDTH * HEIGHT * 4);
-  g_free(axial);
-  tc_scene_clear(&scene);
-  tc_volume_unref(volume);
 }
 
 TEST(threads_change_nothing) {
-  tc_volume *volume = noise_volume(&placings[4], TC_U16, 1);
-  tc_renderer *one = tc_renderer_new(&(tc_renderer_options){.backend = TC_BACKEND_CPU, .threads = 1}, NULL);
-  tc_renderer *three = tc_renderer_new(&(tc_renderer_options){.backend = TC_BACKEND_CPU, .threads = 3}, NULL);
-  tc_scene scene;
+  g_autoptr(tc_volume) volume = noise_volume(&placings[4], TC_U16, 1);
+  g_autoptr(tc_renderer) one = tc_renderer_new(&(tc_renderer_options){.backend = TC_BACKEND_CPU, .threads = 1}, NULL);
+  g_autoptr(tc_renderer) three = tc_renderer_new(&(tc_renderer_options){.backend = TC_BACKEND_CPU, .threads = 3}, NULL);
+  g_auto(tc_scene) scene;
   scene_of(&scene, TC_OBLIQUE, 0, 65535);
   scene.mpr.thickness_mm = 5;
   tc_frame a = {0}, b = {0};
@@ -705,10 +679,6 @@ TEST(threads_change_nothing) {
   assert_memory_equal(a.rgba, b.rgba, WIDTH * HEIGHT * 4);
   tc_frame_finish(&a);
   tc_frame_finish(&b);
-  tc_scene_clear(&scene);
-  tc_renderer_free(one);
-  tc_renderer_free(three);
-  tc_volume_unref(volume);
 }
 
 /* ---- colours ---- */
@@ -733,10 +703,10 @@ static tc_volume *colored(int side, const uint8_t (*planes)[3]) {
 
 TEST(volumes_of_colours_are_drawn_in_them) {
   static const uint8_t planes[5][3] = {{0, 0, 0}, {255, 0, 0}, {12, 200, 99}, {1, 2, 3}, {255, 255, 255}};
-  tc_volume *v = colored(5, planes);
+  g_autoptr(tc_volume) v = colored(5, planes);
   for (int slab = 0; slab < 2; slab++)
     for (int z = 0; z < 5; z++) {
-      tc_scene scene;
+      g_auto(tc_scene) scene;
       test_scene(&scene, 16, 16);
       scene.mode = TC_MODE_MPR;
       scene.mpr.has_center = true;
@@ -752,16 +722,14 @@ TEST(volumes_of_colours_are_drawn_in_them) {
             fail_msg("%s: channel %d of plane %d is %g", test_names[i], k, z, (double)image[4 * 136 + k] * 255);
         if (slab) assert_true(image[4 * 136] == image[4 * 136 + 1] && image[4 * 136] == image[4 * 136 + 2]);
       }
-      tc_scene_clear(&scene);
     }
-  tc_volume_unref(v);
 }
 
 /* More colours than labels: none is farther off than five bits a channel leave it. */
 TEST(many_colours_stay_near) {
   enum { SIDE = 36 };
   tc_volume_desc d = {.dims = {SIDE, SIDE, SIDE}, .type = TC_U8, .spacing = {1, 1, 1}, .direction = {1, 0, 0, 0, 1, 0, 0, 0, 1}, .slope = 1};
-  tc_volume *v = tc_volume_new(&d, NULL);
+  g_autoptr(tc_volume) v = tc_volume_new(&d, NULL);
   tc_colors *colors = tc_colors_new(v, NULL);
   for (int i = 0; i < SIDE * SIDE * SIDE; i++)
     assert_true(tc_colors_put(colors, (const uint8_t[3]){(uint8_t)(i % SIDE * 7), (uint8_t)(i / SIDE % SIDE * 7), (uint8_t)(i / SIDE / SIDE * 7)}, 3));
@@ -780,7 +748,6 @@ TEST(many_colours_stay_near) {
   }
   print_message("  %d of %d exact, at most %d of 255 off\n", exact, SIDE * SIDE * SIDE, most);
   assert_true(exact >= 32767 && most <= 7);
-  tc_volume_unref(v);
 }
 
 TESTS(test_renderers_open, test_renderers_close)

@@ -41,10 +41,9 @@ static void draw_scene(tc_scene *s, const tc_volume *volume, uint64_t *state) {
 
 static tc_renderer *open_variant(const char *isa) {
   const tc_renderer_options options = {.backend = TC_BACKEND_CPU, .isa = isa};
-  GError *error = NULL;
+  g_autoptr(GError) error = NULL;
   tc_renderer *r = tc_renderer_new(&options, &error);
   if (!r && !strstr(error->message, "this processor has no")) fail_msg("%s", error->message);
-  g_clear_error(&error);
   return r;
 }
 
@@ -55,8 +54,8 @@ TEST(neighbourhoods_and_gathers_draw_the_same_bits) {
   uint64_t state = 17, shown = 0;
   if (!variants[0]) skip();
   for (int trial = 0; trial < TRIALS; trial++) {
-    tc_volume *volume = draw_volume(&state);
-    tc_scene scene;
+    g_autoptr(tc_volume) volume = draw_volume(&state);
+    g_auto(tc_scene) scene;
     draw_scene(&scene, volume, &state);
     for (int i = 0; i < 2; i++) assert_true(tc_render(variants[i], volume, &scene, &linear, &frames[i], NULL, NULL));
     const size_t pixels = (size_t)scene.image.width * (size_t)scene.image.height;
@@ -65,8 +64,6 @@ TEST(neighbourhoods_and_gathers_draw_the_same_bits) {
         fail_msg("trial %d: channel %zu of pixel %zu is %.9g by gathers, %.9g by neighbourhoods", trial, p % 4, p / 4,
                  (double)frames[0].linear[p], (double)frames[1].linear[p]);
     for (size_t p = 0; p < pixels; p++) shown += frames[0].linear[4 * p + 3] > 0;
-    tc_scene_clear(&scene);
-    tc_volume_unref(volume);
   }
   printf("  %d scenes the same, %llu pixels shown\n", TRIALS, (unsigned long long)shown);
   assert_true(shown > TRIALS * 300);

@@ -18,10 +18,9 @@ static void one_ray(tc_volume *volume, tc_scene *scene, const double from[3], co
                     double rgba[4]) {
   GError *error = NULL;
   test_scene_look(scene, TC_ORTHOGRAPHIC, from, to, 1);
-  tc_reference *reference = tc_reference_new(volume, scene, 1, 1, tolerance, &error);
+  g_autoptr(tc_reference) reference = tc_reference_new(volume, scene, 1, 1, tolerance, &error);
   if (!reference) fail_msg("%s", error->message);
   tc_reference_pixel(reference, 0.5, 0.5, rgba);
-  tc_reference_free(reference);
 }
 
 /* A slab along x: 11 voxels of 1 mm, so a chord of 10 mm; the field is a + b x. */
@@ -41,17 +40,16 @@ static tc_scene knots_scene(tc_knot_kind kind, const tc_knot *knots, size_t coun
 
 TEST(homogeneous_slab) {
   double worst = 0, worst_relative = 0;
-  tc_volume *volume = slab(0.5, 0);
+  g_autoptr(tc_volume) volume = slab(0.5, 0);
   for (int e = -13; e <= 12; e++) {
     double tau = pow(10, e), rgba[4];
     tc_knot knot = {.value = 0, .color = {1, 0.25, 0.5}, .amount = tau};
-    tc_scene scene = knots_scene(TC_KNOT_EXTINCTION, &knot, 1);
+    g_auto(tc_scene) scene = knots_scene(TC_KNOT_EXTINCTION, &knot, 1);
     one_ray(volume, &scene, slab_from, slab_to, 0, rgba);
     double alpha = -expm1(-10 * tau);
     worst = fmax(worst, fmax(bad(rgba[3], alpha), bad(rgba[1], 0.25 * alpha)));
     worst_relative = fmax(worst_relative, fmax(bad(rgba[3], alpha), bad(rgba[0], alpha)) / alpha);
     assert_true(rgba[3] <= 1 && rgba[0] <= rgba[3] * (1 + 1e-15));
-    tc_scene_clear(&scene);
   }
   report("homogeneous slab, tau*d 1e-12 .. 1e13", worst, 1e-14);
   report("homogeneous slab, relative", worst_relative, 1e-13);
@@ -59,14 +57,12 @@ TEST(homogeneous_slab) {
   for (int i = 0; i < 2; i++) {
     double opacity = i ? 1 : 0.3, rgba[4];
     tc_knot knot = {.value = 0, .color = {1, 1, 1}, .amount = opacity};
-    tc_scene scene = knots_scene(TC_KNOT_OPACITY, &knot, 1);
+    g_auto(tc_scene) scene = knots_scene(TC_KNOT_OPACITY, &knot, 1);
     scene.transfer_function.unit_distance_mm = i ? 20 : 4;
     one_ray(volume, &scene, slab_from, slab_to, 0, rgba);
     report(i ? "opacity 1 per 20 mm over 10 mm" : "opacity 0.3 per 4 mm over 10 mm",
            bad(rgba[3], i ? 1 - pow(0x1p-24, 0.5) : 1 - pow(0.7, 2.5)), 1e-13);
-    tc_scene_clear(&scene);
   }
-  tc_volume_unref(volume);
 }
 
 /* tau = k s with s from 0 to 10 along x; colour constant, or proportional to s. */
@@ -108,12 +104,11 @@ TEST(linear_color) {
     double first_moment = d < 1e-3 ? tau * 50 * (1 - d * (2.0 / 3 - d / 4)) : (loss - d * exp(-d)) / tau;
     tc_knot knots[] = {{.value = 0, .color = {0, 1, 0}, .amount = tau},
                        {.value = 10, .color = {1, 0, 0}, .amount = tau}};
-    tc_scene scene = knots_scene(TC_KNOT_EXTINCTION, knots, 2);
+    g_auto(tc_scene) scene = knots_scene(TC_KNOT_EXTINCTION, knots, 2);
     one_ray(volume, &scene, slab_from, slab_to, 0, rgba);
     worst = fmax(worst, fmax(bad(rgba[0], first_moment / 10), bad(rgba[1], loss - first_moment / 10)));
     one_ray(volume, &scene, slab_to, slab_from, 0, rgba);
     worst = fmax(worst, fmax(bad(rgba[1], first_moment / 10), bad(rgba[0], loss - first_moment / 10)));
-    tc_scene_clear(&scene);
   }
   tc_volume_unref(volume);
   report("constant tau 1e-6 .. 1e12, ramp of colour, both ways", worst, 1e-12);
@@ -127,12 +122,11 @@ TEST(opacity_ramp) {
   for (double unit = 0.1; unit < 1e4; unit *= 10) {
     double rgba[4], q1 = 0x1p-24;
     tc_knot knots[] = {{.value = 0, .color = {1, 1, 1}, .amount = 0}, {.value = 10, .color = {1, 1, 1}, .amount = 1}};
-    tc_scene scene = knots_scene(TC_KNOT_OPACITY, knots, 2);
+    g_auto(tc_scene) scene = knots_scene(TC_KNOT_OPACITY, knots, 2);
     scene.transfer_function.unit_distance_mm = unit;
     one_ray(volume, &scene, slab_from, slab_to, 0, rgba);
     double mean = 1 + q1 * log(q1) / (1 - q1); /* of -ln q for q uniform in [q1, 1] */
     worst = fmax(worst, bad(rgba[3], -expm1(-10 / unit * mean)));
-    tc_scene_clear(&scene);
   }
   tc_volume_unref(volume);
   report("opacity from 0 to 1 over a slab, unit distance 0.1 .. 1000", worst, 1e-10);
@@ -148,11 +142,10 @@ TEST(jumps_and_peaks) {
                       {.value = 4.25 + 1 / tau, .color = {1, 0, 0}, .amount = tau},
                       {.value = 4.25 + 1 / tau, .color = {0, 1, 0}, .amount = 0}};
     if (tau < 0.2) jump[2].value = jump[3].value = 9;
-    tc_scene scene = knots_scene(TC_KNOT_EXTINCTION, jump, 4);
+    g_auto(tc_scene) scene = knots_scene(TC_KNOT_EXTINCTION, jump, 4);
     one_ray(volume, &scene, slab_from, slab_to, 0, rgba);
     double width = jump[2].value - jump[1].value; /* as doubles have it: a peak of 1e-12 has 10 % of rounding */
     worst = fmax(worst, fmax(bad(rgba[0], -expm1(-tau * width)), rgba[1] + rgba[2]));
-    tc_scene_clear(&scene);
   }
   tc_volume_unref(volume);
   report("rectangular peak of depth 1, width down to 1e-12", worst, 1e-13);
@@ -174,12 +167,11 @@ TEST(gaussian) {
       knots[i].color[0] = 1;
       if (i) sum += 0.5 * (knots[i].amount + knots[i - 1].amount) * (knots[i].value - knots[i - 1].value);
     }
-    tc_scene scene = knots_scene(TC_KNOT_EXTINCTION, knots, n);
+    g_auto(tc_scene) scene = knots_scene(TC_KNOT_EXTINCTION, knots, n);
     one_ray(volume, &scene, slab_from, slab_to, 0, rgba);
     report(round ? "Gaussian in 8001 knots against its trapezoids" : "Gaussian in 4001 knots against its trapezoids",
            bad(rgba[3], -expm1(-sum)), 1e-12);
     error[round] = bad(rgba[3], -expm1(-exact));
-    tc_scene_clear(&scene);
     free(knots);
   }
   tc_volume_unref(volume);
@@ -196,11 +188,11 @@ TEST(ball_chord) {
     double h = 24.0 / cells, sum = 0;
     test_grid grid = {
         .dims = {cells + 1, cells + 1, cells + 1}, .type = TC_F32, .spacing = {h, h, h}, .origin = {-12, -12, -12}};
-    tc_volume *volume = test_volume(&grid, test_radius2, (double[3]){0.5 * cells, 0.5 * cells, 0.5 * cells});
+    g_autoptr(tc_volume) volume = test_volume(&grid, test_radius2, (double[3]){0.5 * cells, 0.5 * cells, 0.5 * cells});
     double edge = radius * radius / (h * h);
     tc_knot knots[] = {{.value = edge, .color = {1, 1, 1}, .amount = tau},
                        {.value = edge, .color = {1, 1, 1}, .amount = 0}};
-    tc_scene scene = knots_scene(TC_KNOT_EXTINCTION, knots, 2);
+    g_auto(tc_scene) scene = knots_scene(TC_KNOT_EXTINCTION, knots, 2);
     uint64_t seed = 5;
     for (int i = 0; i < 32; i++) {
       double a[3], b[3], d[3], along = 0, length2 = 0, a2 = 0, rgba[4];
@@ -217,8 +209,6 @@ TEST(ball_chord) {
       sum += bad(rgba[3], -expm1(-tau * chord));
     }
     error[level] = sum / 32;
-    tc_scene_clear(&scene);
-    tc_volume_unref(volume);
   }
   double slope = log2(error[0] / error[2]) / 2;
   printf("  ball of step opacity: mean error %.2e %.2e %.2e on voxels of 1, 1/2, 1/4 mm, order %.2f\n", error[0],
@@ -393,7 +383,7 @@ TEST(stiff_random_rays) {
                       .origin = {-3, 2, -5}};
     if (grid.type != TC_F32) grid.slope = 1.0 / 100;
     if (i & 1) memcpy(grid.direction, sheared, sizeof sheared);
-    tc_volume *volume = test_volume(&grid, test_noise, &noise_seed);
+    g_autoptr(tc_volume) volume = test_volume(&grid, test_noise, &noise_seed);
     bool opacity = i % 3 == 0;
     double stiff = pow(10, i), width = 0.1 / fmin(stiff, 1e6);
     tc_knot knots[] = {{.value = 0.2, .color = {1, 0, 0.1}, .amount = 0},
@@ -402,7 +392,7 @@ TEST(stiff_random_rays) {
                        {.value = 0.6, .color = {1, 1, 0}, .amount = opacity ? 0 : 0.5},
                        {.value = 0.6 + width, .color = {0, 0.02, 1}, .amount = opacity ? 1 : stiff},
                        {.value = 0.6 + 2 * width, .color = {1, 1, 1}, .amount = 0.01}};
-    tc_scene scene = knots_scene(opacity ? TC_KNOT_OPACITY : TC_KNOT_EXTINCTION, knots, 6);
+    g_auto(tc_scene) scene = knots_scene(opacity ? TC_KNOT_OPACITY : TC_KNOT_EXTINCTION, knots, 6);
     if (opacity) scene.transfer_function.unit_distance_mm = 1 / stiff;
     scene.image.linear_light = i % 4 == 1;
     double center[3], from[3], to[3];
@@ -415,8 +405,6 @@ TEST(stiff_random_rays) {
     snprintf(what, sizeof what, "%s%s tau to 1e%d%s", tc_voxel_type_name(grid.type), i & 1 ? " sheared" : "", i,
              scene.image.linear_light ? " linear light" : "");
     against_oracle(what, volume, &scene, from, to, 1e-7);
-    tc_scene_clear(&scene);
-    tc_volume_unref(volume);
   }
 }
 
@@ -427,9 +415,9 @@ TEST(thin_volumes) {
     unsigned noise_seed = 9;
     test_grid grid = {
         .dims = {shapes[i][0], shapes[i][1], shapes[i][2]}, .type = TC_U16, .slope = 1e-4, .spacing = {0.02, 1, 3}};
-    tc_volume *volume = test_volume(&grid, test_noise, &noise_seed);
+    g_autoptr(tc_volume) volume = test_volume(&grid, test_noise, &noise_seed);
     tc_knot knots[] = {{.value = 0, .color = {1, 0, 0}, .amount = 0.1}, {.value = 1, .color = {0, 1, 1}, .amount = 5}};
-    tc_scene scene = knots_scene(TC_KNOT_EXTINCTION, knots, 2);
+    g_auto(tc_scene) scene = knots_scene(TC_KNOT_EXTINCTION, knots, 2);
     double center[3], from[3], to[3];
     tc_volume_index_to_lps(
         volume, (double[3]){0.5 * (shapes[i][0] - 1), 0.5 * (shapes[i][1] - 1), 0.5 * (shapes[i][2] - 1)}, center);
@@ -442,8 +430,6 @@ TEST(thin_volumes) {
     against_oracle(what, volume, &scene, from, to, 1e-7);
     snprintf(what, sizeof what, "%dx%dx%d from inside", shapes[i][0], shapes[i][1], shapes[i][2]);
     against_oracle(what, volume, &scene, center, from, 1e-7);
-    tc_scene_clear(&scene);
-    tc_volume_unref(volume);
   }
 }
 
@@ -451,11 +437,11 @@ TEST(thin_volumes) {
 
 TEST(tolerance_sweep) {
   unsigned noise_seed = 3;
-  tc_volume *volume = test_volume(&(test_grid){.dims = {9, 9, 9}, .type = TC_F32}, test_noise, &noise_seed);
+  g_autoptr(tc_volume) volume = test_volume(&(test_grid){.dims = {9, 9, 9}, .type = TC_F32}, test_noise, &noise_seed);
   tc_knot knots[] = {{.value = 0, .color = {0, 0, 0}, .amount = 0},
                      {.value = 0.7, .color = {1, 0, 1}, .amount = 0.999},
                      {.value = 1, .color = {0, 1, 1}, .amount = 0}};
-  tc_scene scene = knots_scene(TC_KNOT_OPACITY, knots, 3);
+  g_auto(tc_scene) scene = knots_scene(TC_KNOT_OPACITY, knots, 3);
   scene.image.linear_light = true;
   uint64_t seed = 1;
   double worst[13] = {0};
@@ -475,8 +461,6 @@ TEST(tolerance_sweep) {
     printf("  tolerance 1e-%02d: largest difference %.2e\n", e, worst[e]);
     assert_true(worst[e] <= fmax(pow(10, -e), 1e-13));
   }
-  tc_scene_clear(&scene);
-  tc_volume_unref(volume);
 }
 
 /* The same of what else there is along a ray: each a field, a light or an end of its own. */
@@ -484,12 +468,12 @@ TEST(tolerance_sweep_of_kinds) {
   static const char *const kinds[] = {"cubic", "prefiltered", "shaded", "clipped"};
   enum { RAYS = 8, EXPONENTS = 8 };
   unsigned noise_seed = 3;
-  tc_volume *volume = test_volume(&(test_grid){.dims = {9, 9, 9}, .type = TC_F32}, test_noise, &noise_seed);
+  g_autoptr(tc_volume) volume = test_volume(&(test_grid){.dims = {9, 9, 9}, .type = TC_F32}, test_noise, &noise_seed);
   tc_knot knots[] = {{.value = 0, .color = {0, 0, 0}, .amount = 0},
                      {.value = 0.7, .color = {1, 0, 1}, .amount = 0.999},
                      {.value = 1, .color = {0, 1, 1}, .amount = 0}};
   for (size_t kind = 0; kind < G_N_ELEMENTS(kinds); kind++) {
-    tc_scene scene = knots_scene(TC_KNOT_OPACITY, knots, 3);
+    g_auto(tc_scene) scene = knots_scene(TC_KNOT_OPACITY, knots, 3);
     scene.image.linear_light = true;
     uint64_t seed = 2;
     double worst[EXPONENTS + 1] = {0}, seen = 0;
@@ -514,9 +498,7 @@ TEST(tolerance_sweep_of_kinds) {
     printf("  %-11s 1e-2: %.1e, 1e-5: %.1e, 1e-8: %.1e\n", kinds[kind], worst[2], worst[5], worst[8]);
     assert_true(seen > RAYS / 2);
     for (int e = 1; e <= EXPONENTS; e++) assert_true(worst[e] <= pow(10, -e));
-    tc_scene_clear(&scene);
   }
-  tc_volume_unref(volume);
 }
 
 /* A pixel's ray by the camera's definition, written out: the same pixel as a picture of its own. */
@@ -524,7 +506,7 @@ TEST(camera_rays) {
   unsigned noise_seed = 4;
   test_grid grid = {.dims = {9, 8, 7}, .type = TC_I16, .slope = 1e-3, .spacing = {1, 2, 1.3}, .origin = {10, 20, -30}};
   memcpy(grid.direction, sheared, sizeof sheared);
-  tc_volume *volume = test_volume(&grid, test_noise, &noise_seed);
+  g_autoptr(tc_volume) volume = test_volume(&grid, test_noise, &noise_seed);
   tc_knot knots[] = {{.value = 0.1, .color = {1, 0, 0}, .amount = 0}, {.value = 0.9, .color = {0, 1, 1}, .amount = 1}};
   tc_scene scene = knots_scene(TC_KNOT_EXTINCTION, knots, 2), single = knots_scene(TC_KNOT_EXTINCTION, knots, 2);
   double worst = 0, seen = 0;
@@ -536,7 +518,7 @@ TEST(camera_rays) {
     memcpy(eye, ahead, sizeof eye);
     eye[1] -= 70;
     test_scene_look(&scene, (tc_projection)projection, eye, ahead, projection == TC_PERSPECTIVE ? 12 : 14);
-    tc_reference *reference = tc_reference_new(volume, &scene, width, height, 0, NULL);
+    g_autoptr(tc_reference) reference = tc_reference_new(volume, &scene, width, height, 0, NULL);
     for (int j = 0; j < height; j++)
       for (int i = 0; i < width; i++) {
         double x = (i + 0.5 - width / 2.0) * 2 * half / height, z = (height / 2.0 - j - 0.5) * 2 * half / height;
@@ -547,22 +529,20 @@ TEST(camera_rays) {
         for (int c = 0; c < 4; c++) worst = fmax(worst, bad(a[c], b[c]));
         seen += b[3] > 0;
       }
-    tc_reference_free(reference);
   }
   printf("  %.0f of %d rays meet the volume\n", seen, 2 * width * height);
   assert_true(seen > 15);
   report("pixels of both projections against rays written out", worst, 1e-10);
   tc_scene_clear(&scene);
   tc_scene_clear(&single);
-  tc_volume_unref(volume);
 }
 
 /* An eye further and further away must not change an orthographic picture. */
 TEST(far_eye) {
   unsigned noise_seed = 4;
-  tc_volume *volume = test_volume(&(test_grid){.dims = {9, 9, 9}, .type = TC_F32}, test_noise, &noise_seed);
+  g_autoptr(tc_volume) volume = test_volume(&(test_grid){.dims = {9, 9, 9}, .type = TC_F32}, test_noise, &noise_seed);
   tc_knot knots[] = {{.value = 0.1, .color = {1, 0, 0}, .amount = 0}, {.value = 0.9, .color = {0, 1, 1}, .amount = 3}};
-  tc_scene scene = knots_scene(TC_KNOT_EXTINCTION, knots, 2);
+  g_auto(tc_scene) scene = knots_scene(TC_KNOT_EXTINCTION, knots, 2);
   double near_rgba[4], rgba[4], worst = 0;
   for (double away = 1e2; away < 2e7;
        away *= 10) { /* powers of ten times (3, 4, 12): the line stays the same in double */
@@ -572,19 +552,17 @@ TEST(far_eye) {
     for (int c = 0; c < 4; c++) worst = fmax(worst, bad(rgba[c], near_rgba[c]));
   }
   report("eye at 1e3 .. 1e8 mm against 1e3 mm", worst, 1e-10);
-  tc_scene_clear(&scene);
-  tc_volume_unref(volume);
 }
 
 TEST(verbose_pixel) {
   unsigned noise_seed = 8;
-  tc_volume *volume = test_volume(&(test_grid){.dims = {6, 6, 6}, .type = TC_F32}, test_noise, &noise_seed);
+  g_autoptr(tc_volume) volume = test_volume(&(test_grid){.dims = {6, 6, 6}, .type = TC_F32}, test_noise, &noise_seed);
   tc_knot knots[] = {{.value = 0.3, .color = {1, 0, 0}, .amount = 0},
                      {.value = 0.5, .color = {1, 0.5, 0}, .amount = 0.4},
                      {.value = 0.5, .color = {0, 1, 1}, .amount = 0.9}};
-  tc_scene scene = knots_scene(TC_KNOT_EXTINCTION, knots, 3);
+  g_auto(tc_scene) scene = knots_scene(TC_KNOT_EXTINCTION, knots, 3);
   test_scene_look(&scene, TC_PERSPECTIVE, (double[3]){-4, 1, 2}, (double[3]){8, 4, 3.5}, 20);
-  tc_reference *reference = tc_reference_new(volume, &scene, 16, 16, 0, NULL);
+  g_autoptr(tc_reference) reference = tc_reference_new(volume, &scene, 16, 16, 0, NULL);
   tc_reference_sample *samples;
   size_t count;
   double rgba[4], length = 0, transparency = 1;
@@ -611,21 +589,18 @@ TEST(verbose_pixel) {
   g_free(samples);
   tc_reference_ray(reference, 1e5, 0.5, &samples, &count);
   assert_true(count == 0 && samples == NULL);
-  tc_reference_free(reference);
-  tc_scene_clear(&scene);
-  tc_volume_unref(volume);
 }
 
 TEST(image_by_threads) {
-  GError *error = NULL;
-  tc_volume *volume = tc_volume_demo("marschner-lobb", &error);
+  g_autoptr(GError) error = NULL;
+  g_autoptr(tc_volume) volume = tc_volume_demo("marschner-lobb", &error);
   if (!volume) fail_msg("%s", error->message);
   const tc_volume_stats *stats = tc_volume_statistics(volume);
   tc_knot knots[] = {{.value = stats->min, .color = {0, 0, 1}, .amount = 0},
                      {.value = stats->max, .color = {1, 1, 0}, .amount = 0.3}};
-  tc_scene scene = knots_scene(TC_KNOT_EXTINCTION, knots, 2);
+  g_auto(tc_scene) scene = knots_scene(TC_KNOT_EXTINCTION, knots, 2);
   test_scene_frame(&scene, volume, TC_PERSPECTIVE, (double[3]){1, -2, 0.7});
-  tc_reference *reference = tc_reference_new(volume, &scene, 24, 17, 0, NULL);
+  g_autoptr(tc_reference) reference = tc_reference_new(volume, &scene, 24, 17, 0, NULL);
   enum { FLOATS = 24 * 17 * 4 };
   static float one[FLOATS], many[FLOATS];
   double rgba[4];
@@ -639,24 +614,19 @@ TEST(image_by_threads) {
   assert_true(rgba[3] > 0.1);
   assert_float_equal(one[(8 * 24 + 12) * 4 + 3], rgba[3], 1e-7);
   assert_false(tc_reference_image(reference, -1, many, &error));
-  g_clear_error(&error);
-  tc_reference_free(reference);
-  tc_scene_clear(&scene);
-  tc_volume_unref(volume);
 }
 
 static void expect_refused(tc_volume *volume, const tc_scene *scene, int code, const char *pointer) {
-  GError *error = NULL;
+  g_autoptr(GError) error = NULL;
   assert_null(tc_reference_new(volume, scene, 4, 4, 0, &error));
   assert_int_equal(error->code, code);
   assert_string_equal(tc_error_pointer(error), pointer);
-  g_clear_error(&error);
 }
 
 TEST(refusals) {
-  tc_volume *volume = slab(0, 1);
+  g_autoptr(tc_volume) volume = slab(0, 1);
   tc_knot knot = {.value = 0, .amount = 1};
-  tc_scene scene = knots_scene(TC_KNOT_EXTINCTION, &knot, 1);
+  g_auto(tc_scene) scene = knots_scene(TC_KNOT_EXTINCTION, &knot, 1);
   scene.mode = TC_MODE_SPLAT;
   expect_refused(volume, &scene, TC_ERROR_UNSUPPORTED, "/mode");
   scene.mode = TC_MODE_MIP;
@@ -688,8 +658,6 @@ TEST(refusals) {
   test_scene_look(&scene, TC_PERSPECTIVE, slab_from, slab_to, 30);
   scene.transfer_function.points[0].amount = NAN;
   expect_refused(volume, &scene, TC_ERROR_INVALID, "/transferFunction");
-  tc_scene_clear(&scene);
-  tc_volume_unref(volume);
 }
 
 TESTS(NULL, NULL)

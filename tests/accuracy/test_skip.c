@@ -138,8 +138,8 @@ TEST(zones_are_empty) {
   uint64_t state = 23;
   int reach = 0;
   for (int trial = 0; trial < 150; trial++) {
-    tc_volume *v = random_volume(&state);
-    tc_scene s;
+    g_autoptr(tc_volume) v = random_volume(&state);
+    g_auto(tc_scene) s;
     test_scene(&s, 8, 8);
     random_knots(&s, &state);
     const tc_table_params p = params_of(v, &s.transfer_function);
@@ -153,8 +153,6 @@ TEST(zones_are_empty) {
       if (j > below + 6 && j < p.n && j < above - 6) reach += used[j] == 0 || used[j] == most;
     }
     tc_support_free(support);
-    tc_scene_clear(&s);
-    tc_volume_unref(v);
   }
   assert_int_equal(reach, 0);
 }
@@ -242,8 +240,8 @@ TEST(boxes_hold_what_shows) {
   uint64_t state = 17;
   size_t exact = 0, more = 0, all = 0;
   for (int trial = 0; trial < 60; trial++) {
-    tc_volume *v = trial % 2 ? wide_volume(&state) : random_volume(&state);
-    tc_scene s;
+    g_autoptr(tc_volume) v = trial % 2 ? wide_volume(&state) : random_volume(&state);
+    g_auto(tc_scene) s;
     test_scene(&s, 8, 8);
     random_knots(&s, &state);
     for (size_t k = 0; k < s.transfer_function.count && trial % 2; k++) s.transfer_function.points[k].value *= WIDE;
@@ -267,8 +265,6 @@ TEST(boxes_hold_what_shows) {
     free(named);
     tc_distance_map_free(leap), tc_minmax_free(m), tc_boxes_free(boxes), tc_fine_free(fine);
     tc_support_free(support);
-    tc_scene_clear(&s);
-    tc_volume_unref(v);
   }
   printf("of %zu fine boxes %zu show something, %zu more are named\n", all, exact, more);
   assert_true(exact > all / 20 && exact < all / 2 + all / 3 && more < exact / 10);
@@ -279,9 +275,9 @@ TEST(map_is_mended) {
   uint64_t state = 11;
   int swept = 0, layers = 0, untouched = 0;
   for (int trial = 0; trial < 40; trial++) {
-    tc_volume *v = random_volume(&state);
+    g_autoptr(tc_volume) v = random_volume(&state);
     tc_minmax *m = tc_minmax_build(v, 2 + trial % 3, 0, NULL, NULL);
-    tc_scene s;
+    g_auto(tc_scene) s;
     test_scene(&s, 8, 8);
     random_knots(&s, &state);
     tc_distance_map *before = NULL;
@@ -304,8 +300,6 @@ TEST(map_is_mended) {
     }
     tc_distance_map_free(before);
     tc_minmax_free(m);
-    tc_scene_clear(&s);
-    tc_volume_unref(v);
   }
   printf("%d of %d layers gone over again, %d maps copied\n", swept, layers, untouched);
   assert_true(swept < 0.9 * layers && swept > 0.05 * layers && untouched > 10);
@@ -314,15 +308,15 @@ TEST(map_is_mended) {
 /* The plan leaves the structure out where nothing can be empty, and it costs little where it is in. */
 TEST(built_only_when_it_can_help) {
   tc_renderer_options o = {.backend = TC_BACKEND_CPU};
-  tc_renderer *r = tc_renderer_new(&o, NULL);
-  tc_volume *v = tc_volume_demo("vessels", NULL);
-  tc_scene s;
+  g_autoptr(tc_renderer) r = tc_renderer_new(&o, NULL);
+  g_autoptr(tc_volume) v = tc_volume_demo("vessels", NULL);
+  g_auto(tc_scene) s;
   test_scene(&s, 32, 32);
   test_scene_frame(&s, v, TC_PERSPECTIVE, (double[3]){0, -1, 0});
   const tc_knot full[] = {{0, {1, 1, 1}, 0.001}, {255, {1, 1, 1}, 0.1}},
                 part[] = {{80, {1, 1, 1}, 0}, {255, {1, 1, 1}, 0.5}};
   tc_explanation plan;
-  tc_frame f = {0};
+  g_auto(tc_frame) f = {0};
   test_scene_knots(&s, TC_KNOT_OPACITY, full, 2);
   assert_true(tc_render(r, v, &s, NULL, &f, &plan, NULL));
   assert_false(plan.stages[TC_STAGE_SKIPPING].included);
@@ -336,10 +330,6 @@ TEST(built_only_when_it_can_help) {
   assert_true(share < 0.26); /* bytes: a minimum and a maximum for eight voxels, of 16 bits half as much */
   assert_true(tc_render(r, v, &s, NULL, &f, &plan, NULL));
   assert_true(f.stats.tables_ms == 0 && f.stats.skip_ms == 0); /* a second frame builds nothing */
-  tc_frame_finish(&f);
-  tc_scene_clear(&s);
-  tc_volume_unref(v);
-  tc_renderer_free(r);
 }
 
 static double ramp(double x, double y, double z, const void *context) { return x > 69000 ? 200 : 0; }
@@ -347,13 +337,13 @@ static double ramp(double x, double y, double z, const void *context) { return x
 /* An axis longer than boxes can name: nothing is leapt, and all is drawn. */
 TEST(long_axes_are_drawn) {
   tc_renderer_options o = {.backend = TC_BACKEND_CPU};
-  tc_renderer *r = tc_renderer_new(&o, NULL);
+  g_autoptr(tc_renderer) r = tc_renderer_new(&o, NULL);
   test_grid g = {.dims = {70000, 2, 2}, .type = TC_U8, .spacing = {0.01, 300, 300}};
-  tc_volume *v = test_volume(&g, ramp, NULL);
+  g_autoptr(tc_volume) v = test_volume(&g, ramp, NULL);
   const tc_knot part[] = {{80, {1, 1, 1}, 0}, {255, {1, 1, 1}, 0.5}};
-  tc_scene s;
+  g_auto(tc_scene) s;
   tc_explanation plan;
-  tc_frame f = {0};
+  g_auto(tc_frame) f = {0};
   test_scene(&s, 32, 32);
   test_scene_frame(&s, v, TC_PERSPECTIVE, (double[3]){0, -1, 0});
   test_scene_knots(&s, TC_KNOT_OPACITY, part, 2);
@@ -361,10 +351,6 @@ TEST(long_axes_are_drawn) {
   assert_true(tc_render(r, v, &s, NULL, &f, &plan, NULL));
   assert_false(plan.stages[TC_STAGE_SKIPPING].included);
   assert_true(f.stats.samples > 0 && f.stats.leaps == 0);
-  tc_frame_finish(&f);
-  tc_scene_clear(&s);
-  tc_volume_unref(v);
-  tc_renderer_free(r);
 }
 
 /* ---- the oracle: every ray by itself, with the exact distance of every fine box ---- */
@@ -493,10 +479,9 @@ TEST(samples_are_near_the_oracle) {
   char *folder = g_build_filename(getenv("TC_LONG") && getenv("TC_DATA") ? getenv("TC_DATA") : "", "nrrd", NULL);
   GDir *dir = g_dir_open(folder, 0, NULL);
   for (const char *name; dir && (name = g_dir_read_name(dir));) {
-    char *path = g_build_filename(folder, name, NULL);
+    g_autofree char *path = g_build_filename(folder, name, NULL);
     tc_volume *v = tc_import(path, NULL, NULL);
     if (v) beside_oracle(r, v, name);
-    g_free(path);
   }
   if (dir) g_dir_close(dir);
   g_free(folder);

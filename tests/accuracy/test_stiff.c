@@ -15,7 +15,7 @@ static const double shares[] = {0.01, 0.03, 0.1, 0.5};
 /* The largest error of opacity and of colour over all renderers, in one picture. */
 static void measure(tc_volume *volume, const tc_scene *scene, double most[2]) {
   size_t pixels = (size_t)scene->image.width * (size_t)scene->image.height;
-  float *want = test_reference(volume, scene, 0);
+  g_autofree float *want = test_reference(volume, scene, 0);
   tc_explanation plan;
   EACH_RENDERER(i) {
     const float *got = test_draw(i, volume, scene, NULL, &plan)->linear;
@@ -25,7 +25,6 @@ static void measure(tc_volume *volume, const tc_scene *scene, double most[2]) {
       most[k % 4 != 3] = fmax(most[k % 4 != 3], off);
     }
   }
-  g_free(want);
 }
 
 typedef struct medium {
@@ -55,7 +54,7 @@ TEST(a_short_segment) {
   };
   for (size_t m = 0; m < G_N_ELEMENTS(media); m++) {
     const medium *it = &media[m];
-    tc_volume *volume = test_volume(&(test_grid){.dims = {12, 9, 9}, .type = TC_F32}, test_linear,
+    g_autoptr(tc_volume) volume = test_volume(&(test_grid){.dims = {12, 9, 9}, .type = TC_F32}, test_linear,
                                     (double[4]){(it->high - it->low) / 11, 0, 0, it->low});
     for (size_t s = 0; s < G_N_ELEMENTS(shares); s++) {
       double step = 11 / shares[s], most[2][2] = {{0}};
@@ -64,10 +63,9 @@ TEST(a_short_segment) {
         tc_knot knots[2] = {{.value = 0, .amount = it->least * depth / step}, {.value = 1, .amount = depth / step}};
         memcpy(knots[0].color, it->from, sizeof it->from);
         memcpy(knots[1].color, it->to, sizeof it->to);
-        tc_scene scene = look_along_x(knots, 2);
+        g_auto(tc_scene) scene = look_along_x(knots, 2);
         scene.sampling.step = step;
         measure(volume, &scene, most[depth > TC_STIFF_DEPTH]);
-        tc_scene_clear(&scene);
       }
       printf("  %-14s %2.0f %% of a segment: opacity %.0e, stiff %.0e; colour %.0e, stiff %.0e\n", it->name,
              100 * shares[s], most[0][0], most[1][0], most[0][1], most[1][1]);
@@ -75,7 +73,6 @@ TEST(a_short_segment) {
         fail_msg("%s, %g of a segment: opacity off by %g, %g, colour by %g, %g", it->name, shares[s], most[0][0],
                  most[1][0], most[0][1], most[1][1]);
     }
-    tc_volume_unref(volume);
   }
 }
 
@@ -86,7 +83,7 @@ static double narrow(double x, double y, double z, const void *unused) {
 
 /* Rays that meet a wall only just before their end, after clear segments, in every way in which segments are short. */
 TEST(a_wall_at_the_end) {
-  tc_volume *volume = test_volume(&(test_grid){.dims = {12, 9, 9}, .type = TC_U16}, narrow, NULL);
+  g_autoptr(tc_volume) volume = test_volume(&(test_grid){.dims = {12, 9, 9}, .type = TC_U16}, narrow, NULL);
   for (int n = 0; n < 12; n++) {
     double most[2][2] = {{0}};
     for (size_t i = 0; i < G_N_ELEMENTS(depths); i++) {
@@ -94,14 +91,13 @@ TEST(a_wall_at_the_end) {
       tc_knot knots[] = {{.value = 30021.7, .color = {0.9, 0.5, 0}, .amount = 0},
                          {.value = 30021.85, .color = {0.9, 0.5, 0}, .amount = depth / 1.08},
                          {.value = 30022, .color = {0.9, 0.5, 0}, .amount = 0}};
-      tc_scene scene = look_along_x(knots, 3);
+      g_auto(tc_scene) scene = look_along_x(knots, 3);
       scene.sampling.step = n / 4 == 2 ? 0.54 : 1.08;
       scene.classification = n % 2 ? TC_PREINTEGRATED2 : TC_PREINTEGRATED;
       scene.order = n / 2 % 2 ? TC_BACK_TO_FRONT : TC_FRONT_TO_BACK;
       scene.sampling.jitter = n / 4 == 1;
       scene.sampling.rays_per_pixel = n / 4 == 2 ? 2 : 1;
       measure(volume, &scene, most[depth >= 100]);
-      tc_scene_clear(&scene);
     }
     printf("  %-14s %s, %s: opacity off by %.0e, from a depth of 100 on %.0e\n",
            n % 2 ? "preintegrated2" : "preintegrated", n / 2 % 2 ? "back to front" : "front to back",
@@ -109,7 +105,6 @@ TEST(a_wall_at_the_end) {
     for (int k = 0; k < 2; k++)
       if (!(most[0][k] <= 0.03 && most[1][k] <= 1e-3)) fail_msg("%d: off by %g, %g", n, most[0][k], most[1][k]);
   }
-  tc_volume_unref(volume);
 }
 
 /* A peak one of 65536 values wide: segments reach from beside it, inside its subtable, to far outside of it. */
@@ -119,7 +114,7 @@ static double across_the_range(double x, double y, double z, const void *bend) {
 
 static void see_a_peak(tc_volume *volume, tc_scene *scene, const char *what, const double most[2]) {
   enum { PIXELS = 40 * 30 };
-  float *want = test_reference(volume, scene, 1e-9);
+  g_autofree float *want = test_reference(volume, scene, 1e-9);
   for (int way = 0; way < 2; way++)
     for (double step = 4; step >= 1.0 / 16; step /= 4) {
       scene->classification = way ? TC_PREINTEGRATED2 : TC_PREINTEGRATED;
@@ -138,7 +133,6 @@ static void see_a_peak(tc_volume *volume, tc_scene *scene, const char *what, con
           fail_msg("%s, %s, way %d, step %g: opacity %g, all %g", what, test_names[i], way, step, opacity, rms);
       }
     }
-  g_free(want);
 }
 
 TEST(a_peak_at_any_step) {
@@ -146,21 +140,19 @@ TEST(a_peak_at_any_step) {
   static const double most[2][2] = {{1e-4, 1e-3}, {5e-3, 4e-3}}; /* where the field bends segments do not fit it */
   for (size_t n = 0; n < G_N_ELEMENTS(bases) * G_N_ELEMENTS(bends); n++) {
     double base = bases[n / 2], bend = bends[n % 2];
-    tc_volume *volume = test_volume(&(test_grid){.dims = {32, 32, 32}, .type = TC_U16}, across_the_range, &bend);
+    g_autoptr(tc_volume) volume = test_volume(&(test_grid){.dims = {32, 32, 32}, .type = TC_U16}, across_the_range, &bend);
     tc_knot knots[] = {{.value = 39999, .amount = base},
                        {.value = 40000, .color = {1, 0.55, 0.2}, .amount = 1000},
                        {.value = 40001, .amount = base}};
     memcpy(knots[0].color, cool, sizeof cool);
     memcpy(knots[2].color, cool, sizeof cool);
-    tc_scene scene;
+    g_auto(tc_scene) scene;
     char what[32];
     snprintf(what, sizeof what, "base %g%s", base, bend > 0 ? ", bent" : "");
     test_scene(&scene, 40, 30);
     test_scene_knots(&scene, TC_KNOT_EXTINCTION, knots, 3);
     test_scene_frame(&scene, volume, TC_PERSPECTIVE, (double[3]){-1, -2, -0.7});
     see_a_peak(volume, &scene, what, most[n % 2]);
-    tc_scene_clear(&scene);
-    tc_volume_unref(volume);
   }
 }
 

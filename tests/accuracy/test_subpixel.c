@@ -27,7 +27,7 @@ static size_t pixels_of(const tc_scene *scene) { return (size_t)scene->image.wid
 static float *reference_mean(tc_volume *volume, const tc_scene *scene, const tc_subpixel *rays, int count) {
   GError *error = NULL;
   int width = scene->image.width, height = scene->image.height;
-  tc_reference *reference = tc_reference_new(volume, scene, width, height, 1e-7, &error);
+  g_autoptr(tc_reference) reference = tc_reference_new(volume, scene, width, height, 1e-7, &error);
   float *image = calloc(pixels_of(scene), 4 * sizeof *image);
   if (!reference || !image) fail_msg("reference failed");
   for (int i = 0; i < width * height; i++) {
@@ -39,7 +39,6 @@ static float *reference_mean(tc_volume *volume, const tc_scene *scene, const tc_
     }
     for (int k = 0; k < 4; k++) image[4 * i + k] = (float)sum[k];
   }
-  tc_reference_free(reference);
   return image;
 }
 
@@ -75,14 +74,14 @@ TEST(rays_of_a_pixel) {
 
 /* Alike everywhere: no first, last or only segment of any ray may show, nor the averaging. */
 TEST(homogeneous_slab) {
-  tc_volume *volume = test_volume(&(test_grid){.dims = {12, 9, 9}, .type = TC_I16}, test_constant, &(double){100});
+  g_autoptr(tc_volume) volume = test_volume(&(test_grid){.dims = {12, 9, 9}, .type = TC_I16}, test_constant, &(double){100});
   double worst = 0;
   for (size_t c = 0; c < G_N_ELEMENTS(counts); c++)
     for (int jitter = 0; jitter < 2; jitter++)
       for (double step = 0.25; step <= 1; step *= 2)
         for (double tau = 1e-10; tau < 2e10; tau *= 30) {
           tc_knot knot = {.value = 0, .color = {1, 0.25, 0}, .amount = tau};
-          tc_scene scene;
+          g_auto(tc_scene) scene;
           test_scene(&scene, 9, 6);
           test_scene_knots(&scene, TC_KNOT_EXTINCTION, &knot, 1);
           test_scene_look(&scene, TC_ORTHOGRAPHIC, (double[3]){-20, 4, 4}, (double[3]){0, 4, 4}, 5);
@@ -103,20 +102,18 @@ TEST(homogeneous_slab) {
               worst = fmax(worst, off);
             }
           }
-          tc_scene_clear(&scene);
         }
   printf("  homogeneous slab: off by at most %.1e\n", worst);
-  tc_volume_unref(volume);
 }
 
 /* As dense as a quarter of a voxel along every ray: what is left is the error of one such ray
  * (accuracy/test_raycast). */
 TEST(against_the_same_rays) {
   for (int type = TC_U8; type <= TC_U16; type += TC_U16 - TC_U8) {
-    tc_volume *volume = waves((tc_voxel_type)type);
+    g_autoptr(tc_volume) volume = waves((tc_voxel_type)type);
     for (size_t c = 0; c < G_N_ELEMENTS(counts); c++) {
       tc_subpixel rays[TC_MAX_RAYS_PER_PIXEL];
-      tc_scene scene;
+      g_auto(tc_scene) scene;
       test_scene(&scene, 28, 22);
       test_scene_knots(&scene, TC_KNOT_EXTINCTION, test_soft, G_N_ELEMENTS(test_soft));
       test_scene_frame(&scene, volume, type ? TC_PERSPECTIVE : TC_ORTHOGRAPHIC, (double[3]){0.8, -1.5, 0.6});
@@ -136,9 +133,7 @@ TEST(against_the_same_rays) {
             fail_msg("%s: rms %g, max %g, mean %g", line, d.rms, d.max, d.mean);
         }
       free(want);
-      tc_scene_clear(&scene);
     }
-    tc_volume_unref(volume);
   }
 }
 
@@ -149,7 +144,7 @@ TEST(smooth_edges_cost_nothing) {
   tc_knot knots[] = {{.value = 121, .color = {1, 0.6, 0.1}, .amount = 1},
                      {.value = 121, .color = {1, 0.6, 0.1}, .amount = 0}};
   tc_subpixel fine[TC_MAX_RAYS_PER_PIXEL];
-  tc_scene scene;
+  g_auto(tc_scene) scene;
   test_scene(&scene, 26, 26);
   test_scene_knots(&scene, TC_KNOT_EXTINCTION, knots, 2);
   test_scene_frame(&scene, volume, TC_PERSPECTIVE, (double[3]){0.4, -1, 0.3});
@@ -170,17 +165,16 @@ TEST(smooth_edges_cost_nothing) {
     if (counts[c] > 1) assert_true(d.rms < one / sqrt(counts[c]));
   }
   free(want);
-  tc_scene_clear(&scene);
   tc_volume_unref(volume);
 }
 
 TEST(projections_average_whole_rays) {
-  tc_volume *volume = waves(TC_U16);
+  g_autoptr(tc_volume) volume = waves(TC_U16);
   static const tc_mode modes[] = {TC_MODE_MIP, TC_MODE_MINIP, TC_MODE_AVERAGE};
   for (size_t i = 0; i < G_N_ELEMENTS(modes); i++)
     for (int count = 4; count <= 5; count++) {
       tc_subpixel rays[TC_MAX_RAYS_PER_PIXEL];
-      tc_scene scene;
+      g_auto(tc_scene) scene;
       test_scene(&scene, 24, 20);
       test_scene_frame(&scene, volume, TC_PERSPECTIVE, (double[3]){0.8, -1.5, 0.6});
       scene.mode = modes[i];
@@ -196,9 +190,7 @@ TEST(projections_average_whole_rays) {
         if (m == 0) printf("  mode %d, %d rays: max %.1e\n", modes[i], count, d.max);
       }
       free(want);
-      tc_scene_clear(&scene);
     }
-  tc_volume_unref(volume);
 }
 
 /* ---- wood grain ---- */
@@ -262,8 +254,8 @@ TEST(no_rings_by_default) {
   static const struct { const char *name; double bound; } demos[] = {
       {"bucky", 0.05}, {"marschner-lobb", 0.4}, {"head", 0.2}, {"vessels", 0.8}};
   for (size_t i = 0; i < G_N_ELEMENTS(demos) && i < MOST_DEMOS; i++) {
-    tc_scene scene;
-    tc_volume *volume = show_demo(demos[i].name, 128, &scene);
+    g_auto(tc_scene) scene;
+    g_autoptr(tc_volume) volume = show_demo(demos[i].name, 128, &scene);
     double rings[2], mean[2];
     float *want = reference_mean(volume, &scene, &(tc_subpixel){0}, 1);
     rings_at(1, volume, &scene, want, rings, mean);
@@ -272,8 +264,6 @@ TEST(no_rings_by_default) {
     assert_true(rings[0] < demos[i].bound / 255 && rings[1] < demos[i].bound / 255);
     assert_true(fabs(mean[0] - mean[1]) < 0.02 / 255);
     free(want);
-    tc_scene_clear(&scene);
-    tc_volume_unref(volume);
   }
 }
 
@@ -311,7 +301,7 @@ TEST(jitter_takes_rings_away) {
   tc_volume *volume =
       test_volume(&(test_grid){.dims = {65, 65, 65}, .type = TC_F32}, test_radius2, (double[3]){32, 32, 32});
   tc_knot knots[] = {{400, {1, 0.6, 0.1}, 0}, {425, {1, 0.9, 0.3}, 0.1}, {450, {0.2, 0.3, 1}, 0}};
-  tc_scene scene;
+  g_auto(tc_scene) scene;
   test_scene(&scene, SIDE, SIDE);
   test_scene_knots(&scene, TC_KNOT_EXTINCTION, knots, 3);
   test_scene_look(&scene, TC_ORTHOGRAPHIC, (double[3]){32, -50, 32}, (double[3]){32, 32, 32}, 44);
@@ -337,7 +327,6 @@ TEST(jitter_takes_rings_away) {
     assert_true(rings[0] > 0.1 / 255 && rings[1] < (scene.sampling.step > 2 ? 0.8 : 0.4) * rings[0]);
   }
   free(mean);
-  tc_scene_clear(&scene);
   tc_volume_unref(volume);
 }
 
@@ -419,10 +408,9 @@ TEST(coherence_loses_nothing) {
     saving sum = {0};
     for (int trial = 0; trial < trials; trial++) {
       tc_volume *volume;
-      tc_scene scene;
+      g_auto(tc_scene) scene;
       random_specks(&scene, &random, trial, &volume);
       check_trial(m, trial, volume, &scene, &sum);
-      tc_scene_clear(&scene);
       tc_volume_unref(volume);
     }
     printf("  %s: %d scenes shared, %d not; %.2f of the samples and %.2f of the leaps left\n", test_names[m],
@@ -437,8 +425,8 @@ TEST(coherence_loses_nothing) {
 }
 
 TEST(the_plan_says_why) {
-  tc_volume *volume = tc_volume_demo("vessels", NULL);
-  tc_scene scene;
+  g_autoptr(tc_volume) volume = tc_volume_demo("vessels", NULL);
+  g_auto(tc_scene) scene;
   tc_explanation plan;
   const tc_knot full[] = {{0, {1, 1, 1}, 0.001}}, part[] = {{80, {1, 1, 1}, 0}, {255, {1, 1, 1}, 0.5}};
   test_scene(&scene, 64, 64);
@@ -471,8 +459,6 @@ TEST(the_plan_says_why) {
   assert_true(plan.key.jitter && plan.stages[TC_STAGE_JITTER].included);
   COHERENT((scene.mode = TC_MODE_MIP, scene.window.width = 1), false, "no empty space");
   assert_false(plan.key.jitter || plan.stages[TC_STAGE_JITTER].included);
-  tc_scene_clear(&scene);
-  tc_volume_unref(volume);
 }
 
 /* ---- back ends and threads ---- */
@@ -481,8 +467,8 @@ TEST(the_plan_says_why) {
 TEST(back_ends_agree) {
   for (size_t c = 0; c < G_N_ELEMENTS(counts); c++)
     for (int bits = 0; bits < 8; bits++) {
-      tc_volume *volume = waves(TC_U8);
-      tc_scene scene;
+      g_autoptr(tc_volume) volume = waves(TC_U8);
+      g_auto(tc_scene) scene;
       test_scene(&scene, 60, 46);
       test_scene_knots(&scene, TC_KNOT_EXTINCTION, test_soft, G_N_ELEMENTS(test_soft));
       test_scene_frame(&scene, volume, bits & 1 ? TC_PERSPECTIVE : TC_ORTHOGRAPHIC, (double[3]){0.8, -1.5, 0.6});
@@ -499,18 +485,16 @@ TEST(back_ends_agree) {
           fail_msg("%s, %d rays, case %d: off by %g at %zu; %llu rays and %llu", test_names[m], counts[c], bits, d.max,
                    d.worst, (unsigned long long)f->stats.rays, (unsigned long long)test_frames[0].stats.rays);
       }
-      tc_scene_clear(&scene);
-      tc_volume_unref(volume);
     }
 }
 
 /* The same bytes for any number of threads, and again: nothing crawls while nothing moves. */
 TEST(threads_make_no_difference) {
-  tc_volume *volume = waves(TC_I16);
+  g_autoptr(tc_volume) volume = waves(TC_I16);
   tc_renderer *others[] = {tc_renderer_new(&(tc_renderer_options){.backend = TC_BACKEND_CPU, .threads = 1}, NULL),
                            tc_renderer_new(&(tc_renderer_options){.backend = TC_BACKEND_CPU, .threads = 7}, NULL)};
   for (int bits = 0; bits < 16; bits++) {
-    tc_scene scene;
+    g_auto(tc_scene) scene;
     tc_frame first = {0}, again = {0};
     test_scene(&scene, 101, 77);
     test_scene_knots(&scene, TC_KNOT_EXTINCTION, test_soft, G_N_ELEMENTS(test_soft));
@@ -529,11 +513,9 @@ TEST(threads_make_no_difference) {
     }
     tc_frame_finish(&first);
     tc_frame_finish(&again);
-    tc_scene_clear(&scene);
   }
   tc_renderer_free(others[0]);
   tc_renderer_free(others[1]);
-  tc_volume_unref(volume);
 }
 
 TESTS(test_renderers_open, test_renderers_close)
