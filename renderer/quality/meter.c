@@ -6,17 +6,17 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "renderer/classify/preintegration.h"
-#include "renderer/classify/transfer.h"
 #include "renderer/base/clock.h"
 #include "renderer/classify/labels.h"
+#include "renderer/classify/preintegration.h"
+#include "renderer/classify/transfer.h"
 #include "renderer/mesh/surfaces.h"
 #include "renderer/raycast/subpixel.h"
 #include "renderer/reference/reference.h"
 
 /* Far below what any frame is asked to hold, and quick. */
 #define TOLERANCE 1e-7
-#define MOST_BYTES (256u << 20) /* of a surface's mesh that is made for the truth */
+#define MOST_BYTES (UINT64_C(256) << 20) /* of the meshes of one truth, which no ledger holds */
 #define Z95 1.959964
 
 typedef struct meter_pixel {
@@ -166,15 +166,16 @@ static bool list_labels(tc_volume *labels, tc_scene *scene, GError **error) {
   return boxes != NULL;
 }
 
-/* The mesh of a surface that is of a label or a mesh, with normals. */
-static tc_mesh *mesh_of(tc_volume *labels, tc_mesh *given, const tc_mesh_surface *s, GError **error) {
-  const tc_mesh_options options = {.normals = true, .max_bytes = MOST_BYTES};
+/* The mesh of a surface that is of a label or a mesh, with normals, of at most max_bytes. */
+static tc_mesh *mesh_of(tc_volume *labels, tc_mesh *given, const tc_mesh_surface *s, uint64_t max_bytes, GError **error) {
+  const tc_mesh_options options = {.normals = true, .max_bytes = max_bytes};
   if (s->source == TC_SURFACE_OF_LABEL) return tc_mesh_extract_label(labels, (uint32_t)s->label, NULL, &options, error);
   return given && given->normals ? tc_mesh_ref(given) : tc_mesh_with_normals(given, &options, error);
 }
 
 static bool make_meshes(tc_volume *labels, tc_mesh *const *given, const tc_scene *scene, tc_mesh **made,
                         tc_reference_mesh *meshes, const atomic_bool *cancel, GError **error) {
+  uint64_t left = MOST_BYTES;
   for (size_t i = 0; i < scene->mesh.n_surfaces; i++) {
     const tc_mesh_surface *s = &scene->mesh.surfaces[i];
     if (s->source == TC_SURFACE_OF_VALUE || s->source == TC_SURFACE_OF_PLANE || !s->visible) continue;
@@ -182,8 +183,15 @@ static bool make_meshes(tc_volume *labels, tc_mesh *const *given, const tc_scene
       tc_set_error(error, TC_ERROR_CANCELLED, NULL, "cancelled");
       return false;
     }
-    const tc_mesh *m = made[i] = mesh_of(labels, given ? given[i] : NULL, s, error);
+    const tc_mesh *m = made[i] = mesh_of(labels, given ? given[i] : NULL, s, left, error);
     if (!m) return false;
+    const uint64_t bytes = tc_mesh_bytes(m->n_vertices, m->n_triangles, true);
+    if (bytes >= left) {
+      tc_set_error(error, TC_ERROR_LIMIT, "/mesh/surfaces",
+                   "the error meter takes meshes of less than 256 MiB together; show fewer or simplified ones");
+      return false;
+    }
+    left -= bytes;
     meshes[i] = (tc_reference_mesh){{m->origin[0], m->origin[1], m->origin[2]}, m->n_vertices, m->n_triangles,
                                     (const float(*)[3])m->positions, (const float(*)[3])m->normals,
                                     (const uint32_t(*)[3])m->triangles};

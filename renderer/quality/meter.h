@@ -36,9 +36,10 @@ tc_meter *tc_meter_new(const tc_frame *frame, int count, uint64_t seed);
 void tc_meter_free(tc_meter *meter); /* NULL is fine */
 
 /* Measures against the scene and volumes that the frame was rendered from; labels: what scene->labels.volume names,
- * NULL where it names none; meshes: as in tc_render_request. The truth of a label's surface is its mesh at full detail. Any thread. After most_ms (0 = no limit) it stops with the pixels it has: they are taken in
- * random order. TC_ERROR_CANCELLED when *cancel (may be NULL) is set; TC_ERROR_UNSUPPORTED where the scene has no
- * reference. */
+ * NULL where it names none; meshes: as in tc_render_request. The truth of a label's surface is its mesh at full detail;
+ * meshes of more than 256 MiB together are TC_ERROR_LIMIT. Any thread. After most_ms (0 = no limit) it stops with the
+ * pixels it has: they are taken in random order. TC_ERROR_CANCELLED when *cancel (may be NULL) is set;
+ * TC_ERROR_UNSUPPORTED where the scene has no reference. */
 bool tc_meter_measure(const tc_meter *meter, tc_volume *volume, tc_volume *labels, struct tc_mesh *const *meshes,
                       const tc_scene *scene, const atomic_bool *cancel, double most_ms, tc_meter_result *result, GError **error);
 

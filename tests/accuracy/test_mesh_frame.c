@@ -362,6 +362,22 @@ TEST(labels_have_a_truth) {
   tc_scene_clear(&scene);
 }
 
+/* The truth copies each mesh: one that is listed again and again is refused before. */
+TEST(meshes_of_a_truth_are_bounded) {
+  g_autoptr(tc_volume) volume = test_volume(&(test_grid){.dims = {4, 4, 4}, .type = TC_F32}, test_radius2, (double[3]){2, 2, 2});
+  g_autoptr(tc_mesh) large = tc_mesh_new(2000000, 4000000, true, NULL);
+  const tc_mesh_surface one = {.source = TC_SURFACE_OF_MESH, .opacity = 1, .visible = true};
+  const tc_mesh_surface list[3] = {one, one, one};
+  tc_mesh *const meshes[3] = {large, large, large};
+  g_auto(tc_scene) scene;
+  g_autoptr(GError) error = NULL;
+  mesh_scene(&scene, volume, TC_PERSPECTIVE);
+  tc_scene_set_surfaces(&scene, g_memdup2(list, sizeof list), 3);
+  assert_null(tc_meter_reference(volume, NULL, meshes, &scene, 8, 8, NULL, &error));
+  assert_true(g_error_matches(error, TC_ERROR, TC_ERROR_LIMIT));
+  print_message("%s\n", error->message);
+}
+
 /* ---- within a volume ---- */
 
 /* The scene of balls(), seen along y from y = -50; its volume fills y from 0 to 39. */
