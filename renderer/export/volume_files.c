@@ -43,18 +43,23 @@ static void put_value(const stored *s, double value, void *to) {
   *(float *)to = (float)value;
 }
 
+/* Gaps, which a volume keeps apart from its voxels, are NaN again. */
 static void write_voxels(tc_output *o, const stored *s) {
   size_t row = (size_t)s->d->dims[0], rows = (size_t)s->d->dims[1] * (size_t)s->d->dims[2],
          size = tc_voxel_size(s->type);
-  if (!s->values) {
+  const tc_volume *gaps = tc_volume_gaps(s->volume);
+  const uint8_t *gap = gaps ? tc_volume_data(gaps) : NULL;
+  if (!s->values && !gap) {
     tc_output_write(o, tc_volume_data(s->volume), tc_volume_bytes(s->volume));
     return;
   }
   const void *voxels = tc_volume_data(s->volume);
+  const double slope = s->values ? s->d->slope : 1, intercept = s->values ? s->d->intercept : 0;
   char *values = g_malloc(row * size);
   for (size_t r = 0; r < rows && o->good; r++) {
-    for (size_t x = 0; x < row; x++)
-      put_value(s, s->d->slope * tc_voxel_at(s->d->type, voxels, r * row + x) + s->d->intercept, values + x * size);
+    for (size_t x = 0, at = r * row; x < row; x++, at++)
+      put_value(s, gap && gap[at] ? (double)NAN : slope * tc_voxel_at(s->d->type, voxels, at) + intercept,
+                values + x * size);
     tc_output_write(o, values, row * size);
   }
   g_free(values);
