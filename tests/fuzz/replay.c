@@ -13,7 +13,7 @@ int LLVMFuzzerTestOneInput(const uint8_t *bytes, size_t size);
 #define EVERY_PREFIX_BYTES 2048
 #endif
 
-extern bool fuzz_opened __attribute__((weak)); /* of a target whose files must not open when they are cut */
+extern bool fuzz_opened __attribute__((weak)); /* of a target whose files must not open as whole ones when they are cut */
 
 /* Exactly its bytes, without the zero that GLib appends: an over-read is seen. */
 static void feed(const char *bytes, gsize size) {
