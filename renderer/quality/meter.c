@@ -151,30 +151,28 @@ void tc_meter_truth(const tc_reference *reference, const tc_scene *scene, int x,
 /* ---- the truth ---- */
 
 /* Without a list a mesh is every label's that shows: that list, into *scene. */
-static bool list_labels(tc_volume *labels, tc_scene *scene, GError **error) {
+static void list_labels(const tc_volume *labels, const tc_label_boxes *boxes, tc_scene *scene) {
   const tc_volume_desc *d = tc_volume_describe(labels);
-  tc_label_boxes *boxes = tc_label_boxes_find(labels, NULL, error);
-  tc_mesh_surface *list = g_new0(tc_mesh_surface, boxes ? (size_t)boxes->n_values : 1);
+  tc_mesh_surface *list = g_new0(tc_mesh_surface, (size_t)boxes->n_values);
   size_t n = 0;
-  for (int bits = 0; boxes && bits < boxes->n_values; bits++) {
+  for (int bits = 0; bits < boxes->n_values; bits++) {
     const uint32_t label = tc_mesh_label_of(d, bits);
     if (boxes->reach[bits][3] && label && label <= INT_MAX && tc_labels_show(scene, label))
       list[n++] = (tc_mesh_surface){.source = TC_SURFACE_OF_LABEL, .label = (int)label, .opacity = 1, .visible = true, .two_sided = true};
   }
   tc_scene_set_surfaces(scene, list, n);
-  g_free(boxes);
-  return boxes != NULL;
 }
 
 /* The mesh of a surface that is of a label or a mesh, with normals, of at most max_bytes. */
-static tc_mesh *mesh_of(tc_volume *labels, tc_mesh *given, const tc_mesh_surface *s, uint64_t max_bytes, GError **error) {
+static tc_mesh *mesh_of(tc_volume *labels, const tc_label_boxes *boxes, tc_mesh *given, const tc_mesh_surface *s,
+                        uint64_t max_bytes, GError **error) {
   const tc_mesh_options options = {.normals = true, .max_bytes = max_bytes};
-  if (s->source == TC_SURFACE_OF_LABEL) return tc_mesh_extract_label(labels, (uint32_t)s->label, NULL, &options, error);
+  if (s->source == TC_SURFACE_OF_LABEL) return tc_mesh_extract_label(labels, (uint32_t)s->label, boxes, &options, error);
   return given && given->normals ? tc_mesh_ref(given) : tc_mesh_with_normals(given, &options, error);
 }
 
-static bool make_meshes(tc_volume *labels, tc_mesh *const *given, const tc_scene *scene, tc_mesh **made,
-                        tc_reference_mesh *meshes, const atomic_bool *cancel, GError **error) {
+static bool make_meshes(tc_volume *labels, const tc_label_boxes *boxes, tc_mesh *const *given, const tc_scene *scene,
+                        tc_mesh **made, tc_reference_mesh *meshes, const atomic_bool *cancel, GError **error) {
   uint64_t left = MOST_BYTES;
   for (size_t i = 0; i < scene->mesh.n_surfaces; i++) {
     const tc_mesh_surface *s = &scene->mesh.surfaces[i];
@@ -183,7 +181,7 @@ static bool make_meshes(tc_volume *labels, tc_mesh *const *given, const tc_scene
       tc_set_error(error, TC_ERROR_CANCELLED, NULL, "cancelled");
       return false;
     }
-    const tc_mesh *m = made[i] = mesh_of(labels, given ? given[i] : NULL, s, left, error);
+    const tc_mesh *m = made[i] = mesh_of(labels, boxes, given ? given[i] : NULL, s, left, error);
     if (!m) return false;
     const uint64_t bytes = tc_mesh_bytes(m->n_vertices, m->n_triangles, true);
     if (bytes >= left) {
@@ -207,14 +205,21 @@ tc_reference *tc_meter_reference(tc_volume *volume, tc_volume *labels, tc_mesh *
   tc_scene scene;
   tc_scene_copy(&scene, of);
   const bool listed = scene.mesh.n_surfaces > 0;
-  bool good = listed || list_labels(labels, &scene, error);
+  bool of_labels = !listed;
+  for (size_t i = 0; i < scene.mesh.n_surfaces; i++) of_labels |= scene.mesh.surfaces[i].source == TC_SURFACE_OF_LABEL;
+  of_labels &= labels != NULL;
+  /* Once for all labels: each of them would be looked for in the whole volume. */
+  tc_label_boxes *boxes = of_labels ? tc_label_boxes_find(labels, NULL, error) : NULL;
+  bool good = !of_labels || boxes;
+  if (boxes && !listed) list_labels(labels, boxes, &scene);
   const size_t n = scene.mesh.n_surfaces;
   tc_mesh **made = g_new0(tc_mesh *, n + 1);
   tc_reference_mesh *meshes = g_new0(tc_reference_mesh, n + 1);
-  good = good && make_meshes(labels, listed ? given : NULL, &scene, made, meshes, cancel, error);
+  good = good && make_meshes(labels, boxes, listed ? given : NULL, &scene, made, meshes, cancel, error);
   tc_reference *r = NULL;
   if (good) r = tc_reference_new_meshed(volume, labels, meshes, &scene, width, height, TOLERANCE, cancel, error);
   for (size_t i = 0; i < n; i++) tc_mesh_free(made[i]);
+  g_free(boxes);
   g_free(made);
   g_free(meshes);
   tc_scene_clear(&scene);
