@@ -523,18 +523,9 @@ function surfaceTable() {
     String(row.missed),
     ...[row.depthP50Mm, row.depthP99Mm, row.depthMaxMm].map((mm) => `${digits(mm, 2)} mm`),
   ];
-  const head = names.map((name) => html('th', {}, name));
-  const body = subject.surface.map((row) =>
-    html(
-      'tr',
-      {},
-      cells(row).map((cell, i) => html('td', { 'data-label': names[i] }, cell)),
-    ),
-  );
-  return html(
-    'div',
-    { class: 'wide' },
-    html('table', { class: 'stack' }, html('thead', {}, html('tr', {}, head)), html('tbody', {}, body)),
+  return stackedTable(
+    names,
+    subject.surface.map((row) => cells(row).map((cell) => [cell])),
   );
 }
 
@@ -565,6 +556,27 @@ function surfaceSection() {
   );
 }
 
+// Rows of cells, each a list of children; on a narrow screen a cell stands under its column's name.
+function stackedTable(names, rows, attributes) {
+  const head = names.map((name) => html('th', {}, name));
+  const row = (cells) =>
+    html(
+      'tr',
+      {},
+      cells.map((cell, i) => html('td', { 'data-label': names[i] }, cell.filter(Boolean))),
+    );
+  return html(
+    'div',
+    { class: 'wide' },
+    html(
+      'table',
+      { class: 'stack', ...attributes },
+      html('thead', {}, html('tr', {}, head)),
+      html('tbody', {}, rows.map(row)),
+    ),
+  );
+}
+
 function objectTable() {
   const names = ['object', 'filled', ...ways.map((way) => WAYS[way]), 'fastest', 'by the plan'];
   const cells = ({ title, filled, ms, expectedMs, errors }) => [
@@ -577,22 +589,7 @@ function objectTable() {
     [WAYS[fastestOf(ms)]],
     [WAYS[fastestOf(expectedMs)]],
   ];
-  const row = (object) =>
-    html(
-      'tr',
-      {},
-      cells(object).map((cell, i) => html('td', { 'data-label': names[i] }, cell)),
-    );
-  const head = html(
-    'tr',
-    {},
-    names.map((name) => html('th', {}, name)),
-  );
-  return html(
-    'div',
-    { class: 'wide' },
-    html('table', { class: 'stack' }, html('thead', {}, head), html('tbody', {}, byFilled.map(row))),
-  );
+  return stackedTable(names, byFilled.map(cells));
 }
 
 // Over how much is filled and the picture's size: the faster of splats and rays, by how much, and where the plan names the
@@ -605,24 +602,8 @@ function sizesTable() {
     return [text, expectedMs[fast] < expectedMs[slow] ? null : html('small', {}, `plan: ${WAYS[slow]}`)];
   };
   const names = ['filled', ...sized[0].map(({ size }) => `${size} pixels`)];
-  const row = (sizes, i) =>
-    html(
-      'tr',
-      {},
-      [[percent(byFilled[i].filled)], ...sizes.map(cell)].map((c, k) =>
-        html('td', { 'data-label': names[k] }, c.filter(Boolean)),
-      ),
-    );
-  const head = html(
-    'tr',
-    {},
-    names.map((name) => html('th', {}, name)),
-  );
-  return html(
-    'div',
-    { class: 'wide' },
-    html('table', { class: 'stack', id: 'sizes' }, html('thead', {}, head), html('tbody', {}, sized.map(row))),
-  );
+  const rows = sized.map((sizes, i) => [[percent(byFilled[i].filled)], ...sizes.map(cell)]);
+  return stackedTable(names, rows, { id: 'sizes' });
 }
 
 function objectsSection() {
