@@ -54,7 +54,8 @@ export class Surfaces {
       this.#get('surfaces-list').replaceChildren(...this.#rows.map(({ row }) => row));
     }
     list.forEach((surface, i) => {
-      const { value, color, opacity, eye, look } = this.#rows[i];
+      const { value, color, own, opacity, eye, look } = this.#rows[i];
+      if (own) own.disabled = !surface.color;
       if (look) look.value = surface.model ?? '';
       if (value && document.activeElement !== value) value.value = surface.value;
       if (document.activeElement !== opacity) opacity.value = surface.opacity;
@@ -99,6 +100,14 @@ export class Surfaces {
     const value = 'value' in surface ? this.#slider(i, 'value', this.#range, `Value of ${name}`) : null;
     const color = surface.plane ? null : element('input', { type: 'color', ariaLabel: `Colour of ${name}` });
     color?.addEventListener('input', () => this.#change(i, { color: fromHex(color.value) }));
+    const own =
+      surface.label || surface.mesh
+        ? element('button', { textContent: 'Own colour', ariaLabel: `Own colour of ${name}` })
+        : null;
+    own?.addEventListener('click', () => {
+      const { color: _, ...rest } = this.#list()[i];
+      this.#send(this.#list().map((s, k) => (k === i ? rest : s)));
+    });
     const opacity = this.#slider(i, 'opacity', [0, 1], `Opacity of ${name}`);
     const eye = element('button', {});
     eye.addEventListener('click', () => this.#change(i, { visible: !this.#list()[i].visible }));
@@ -112,6 +121,7 @@ export class Surfaces {
     });
     row.append(color ?? element('span', {}), value ?? element('span', { textContent: kind }), opacity, eye, drop);
     if (look) row.append(look);
-    return { kind, row, value, color, opacity, eye, look };
+    if (own) row.append(own);
+    return { kind, row, value, color, own, opacity, eye, look };
   }
 }

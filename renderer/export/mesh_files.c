@@ -27,6 +27,8 @@ static void print_place(tc_output *o, const double at[3], bool wide) {
     tc_output_print(o, "%.9g %.9g %.9g", (float)at[0], (float)at[1], (float)at[2]);
 }
 
+static int channel(const tc_mesh *m, size_t vertex, int c) { return m->colors[vertex] >> 8 * c & 255; }
+
 /* ---- PLY ---- */
 
 static void ply_head(tc_output *o, const tc_mesh *m, bool ascii, bool wide) {
@@ -35,6 +37,7 @@ static void ply_head(tc_output *o, const tc_mesh *m, bool ascii, bool wide) {
                   ascii ? "ascii" : "binary_little_endian", m->n_vertices);
   tc_output_print(o, "property %s x\nproperty %s y\nproperty %s z\n", type, type, type);
   if (m->normals) tc_output_print(o, "property float nx\nproperty float ny\nproperty float nz\n");
+  if (m->colors) tc_output_print(o, "property uchar red\nproperty uchar green\nproperty uchar blue\n");
   tc_output_print(o, "element face %zu\nproperty list uchar uint vertex_indices\nend_header\n", m->n_triangles);
 }
 
@@ -45,11 +48,13 @@ static void ply_vertex(tc_output *o, const tc_mesh *m, size_t i, bool ascii, boo
   if (ascii) {
     print_place(o, at, wide);
     if (n) tc_output_print(o, " %.9g %.9g %.9g", n[0], n[1], n[2]);
+    if (m->colors) tc_output_print(o, " %d %d %d", channel(m, i, 0), channel(m, i, 1), channel(m, i, 2));
     tc_output_print(o, "\n");
     return;
   }
   tc_output_write(o, wide ? (const void *)at : narrow, wide ? sizeof at : sizeof narrow);
   if (n) tc_output_write(o, n, sizeof *m->normals);
+  if (m->colors) tc_output_write(o, &m->colors[i], 3);
 }
 
 static void write_ply(tc_output *o, const tc_mesh *m, bool ascii) {
@@ -119,6 +124,7 @@ static void write_obj(tc_output *o, const tc_mesh *m) {
     place(m, i, at);
     tc_output_print(o, "v ");
     print_place(o, at, wide);
+    for (int c = 0; c < 3 && m->colors; c++) tc_output_print(o, " %.4g", channel(m, i, c) / 255.0);
     tc_output_print(o, "\n");
   }
   for (size_t i = 0; m->normals && i < m->n_vertices; i++)

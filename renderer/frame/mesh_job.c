@@ -118,7 +118,14 @@ static tc_raster_surface surface_of(const tc_frame_job *job, const tc_part *part
     label_color(job, part->of.label, s.color);
   else
     memcpy(s.color, job->plan->surface.color, sizeof s.color);
+  s.colored = part->colored && !(item && item->has_color);
   return s;
+}
+
+static void set_channels(tc_mesh_job *m, const tc_scene *scene) {
+  for (int i = 0; i < 256 && !m->raster.channels; i++)
+    m->channels[i] = (float)(scene->image.linear_light ? tc_srgb_to_linear(i / 255.0) : i / 255.0);
+  m->raster.channels = m->channels;
 }
 
 /* One for each part of the mesh, and their looks: the scene's first, then those of surfaces that have their own. */
@@ -133,6 +140,7 @@ static bool set_surfaces(tc_mesh_job *m, const tc_frame_job *job, bool from_outs
     while (item < end && !tc_mesh_surface_shows(item)) item++;
     const tc_mesh_surface *own = item < end ? item++ : NULL;
     m->surfaces[i] = surface_of(job, &mesh->parts[i], own, from_outside && mesh->parts[i].closed);
+    if (m->surfaces[i].colored) set_channels(m, job->scene);
     if (!own || !own->own_shading) continue;
     m->looks[m->n_looks] = look_of(job, &m->view, own), m->surfaces[i].look = m->n_looks++;
   }
@@ -164,6 +172,7 @@ bool tc_mesh_job_begin(tc_mesh_job *m, const tc_frame_job *job, GError **error) 
   const tc_clusters *mesh = job->have.mesh;
   double planes[TC_VIEW_MOST_CLIP][4];
   const int n_planes = planes_of(job->scene, planes);
+  m->raster.channels = NULL;
   tc_mesh_view_set_up(&m->view, mesh, &job->scene->camera, job->frame->width, job->frame->height,
                  (const double(*)[4])planes, n_planes);
   m->levels = mesh->n_groups ? malloc(mesh->n_groups) : NULL;
@@ -182,6 +191,7 @@ bool tc_mesh_job_begin(tc_mesh_job *m, const tc_frame_job *job, GError **error) 
                               .looks = m->looks,
                               .n_looks = m->n_looks,
                               .surfaces = m->surfaces,
+                              .channels = m->raster.channels,
                               .levels = m->levels,
                               .texture = grey_at,
                               .texture_user = m,

@@ -15,6 +15,7 @@ typedef struct tc_mesh_job {
   int n_looks;
   uint8_t *levels; /* level of detail of each group, [have.mesh->n_groups]; NULL: the mesh has one level */
   tc_slice_window window; /* grey of slices */
+  float channels[256];    /* of vertices' colours, where surfaces have them */
   const tc_frame_job *job;
 } tc_mesh_job;
 

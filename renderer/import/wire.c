@@ -213,7 +213,7 @@ static bool take_open(const tc_wire_reader *in, GError **error) {
   return true;
 }
 
-/* A volume or a mesh on its way: up to three arrays, filled one behind the other. */
+/* A volume or a mesh on its way: up to four arrays, filled one behind the other. */
 typedef struct filling {
   tc_volume *volume; /* NULL before HEAD */
   uint8_t *model;    /* or before MODEL, of whose bytes the volume is made at the end */
@@ -223,7 +223,7 @@ typedef struct filling {
   struct {
     char *at;
     size_t left;
-  } arrays[3];
+  } arrays[4];
   int n_arrays, next;
   GArray *segments;  /* NULL: none */
   tc_colors *colors; /* of a volume of RGB */
@@ -321,6 +321,7 @@ static bool take_mesh_head(const tc_wire_reader *in, tc_mesh_head *head, GError 
   head->n_triangles = (uint64_t)numbers[4];
   head->degenerate = (uint64_t)numbers[5];
   head->normals = tc_reader_u32(&r) != 0;
+  head->colors = tc_reader_u32(&r) != 0;
   take_text(&r, head->format, sizeof head->format);
   return (head->n_triangles && format_is_sane(head->format)) || broken(error, "mesh header");
 }
@@ -330,16 +331,18 @@ static bool take_mesh(const tc_wire_reader *in, filling *f, GError **error) {
   tc_mesh_head head;
   if (f->mesh || !f->source) return broken(error, "a mesh header out of place");
   if (!take_mesh_head(in, &head, error)) return false;
-  const uint64_t bytes = tc_mesh_bytes(head.n_vertices, head.n_triangles, true);
+  const uint64_t colors = head.colors ? head.n_vertices * TC_MESH_COLOR_BYTES : 0;
+  const uint64_t bytes = tc_mesh_bytes(head.n_vertices, head.n_triangles, true) + colors;
   if (over_limit(in, bytes, "the mesh takes", error)) return false;
   if (in->reserve && !in->reserve(in->user, bytes, error)) return false;
   tc_mesh *m = f->mesh = tc_mesh_new(head.n_vertices, head.n_triangles, head.normals, error);
-  if (!m) return false;
+  if (!m || (colors && !tc_mesh_add_colors(m, error))) return false;
   memcpy(m->origin, head.origin, sizeof m->origin);
   memcpy(f->source->format, head.format, sizeof head.format);
   f->source->degenerate = head.degenerate;
   add_array(f, m->positions, m->n_vertices * sizeof *m->positions);
   if (m->normals) add_array(f, m->normals, m->n_vertices * sizeof *m->normals);
+  if (colors) add_array(f, m->colors, colors);
   add_array(f, m->triangles, m->n_triangles * sizeof *m->triangles);
   return true;
 }

@@ -6,7 +6,7 @@
  *     load:    (PROGRESS|WANT|OPEN)* HEAD (VOXELS|SEGMENT|PROGRESS|OPEN)* END    or FAIL at any place; instead of HEAD, of a
  *              run-length model MODEL: the voxels are then its bytes as a .vmd that is not deflated, which the daemon
  *              reads as it would the file (splat/vmd.h)
- *     mesh:    the same with MESH for HEAD; what VOXELS carry is positions, normals, triangles, as in tc_mesh
+ *     mesh:    the same with MESH for HEAD; what VOXELS carry is positions, normals, colours, triangles, as in tc_mesh
  *   reply    daemon to helper, a byte: to VOXELS that the slot is free again; to OPEN that the file comes with it as a
  *            descriptor, or that there is none
  *
@@ -54,7 +54,7 @@ enum {
   TC_WIRE_HEAD_BYTES = 11 * 4 + (3 + 3 + 9 + 2 + 2) * 8 + 16 + 16 + 256 + 16 + 64 + 16,
   TC_WIRE_SEGMENT_BYTES = 3 * 4 + 4 + 64, /* label, of; whether there is a colour, and its bytes; name */
   TC_WIRE_HEAD_NUMBERS = 3 + 3 + 9 + 2 + 2,
-  TC_WIRE_MESH_BYTES = 6 * 8 + 4 + 16,
+  TC_WIRE_MESH_BYTES = 6 * 8 + 2 * 4 + 16,
 };
 
 /* FAIL with this and a tc_helper added to it: that one is to read the file, which had to be unpacked to know. */
@@ -64,7 +64,7 @@ enum { TC_WIRE_ELSEWHERE = 100 };
 typedef struct tc_mesh_head {
   double origin[3];
   uint64_t n_vertices, n_triangles, degenerate; /* the last: left out */
-  bool normals;
+  bool normals, colors;
   char format[16];
 } tc_mesh_head;
 

@@ -255,6 +255,7 @@ static void put_triangles(const builder *b, const tc_cluster *k, const cut *c, u
       if (number == n) {
         __builtin_prefetch(b->mesh->positions[v[d]]);
         if (b->out->normals) __builtin_prefetch(b->mesh->normals[v[d]]);
+        if (b->out->colors) __builtin_prefetch(&b->mesh->colors[v[d]]);
         of[n++] = v[d];
       }
       to[d * room + j] = number;
@@ -269,6 +270,7 @@ static void put_vertices(const builder *b, const tc_cluster *k, const uint32_t o
     const uint32_t v = of[i < k->n_vertices ? i : 0];
     for (size_t d = 0; d < 3; d++) at[d * room + i] = b->mesh->positions[v][d];
     if (b->out->normals) b->out->normals[k->vertex + i] = octahedral(b->mesh->normals[v]);
+    if (b->out->colors) b->out->colors[k->vertex + i] = b->mesh->colors[v];
   }
 }
 
@@ -367,7 +369,7 @@ static void set_grid(builder *b) {
 
 /* Of the arrays. */
 static size_t bytes_of(const tc_clusters *c) {
-  return c->n * sizeof *c->clusters + c->vertex_room * (12 + (c->normals ? 4 : 0)) + 3 * c->triangle_room;
+  return c->n * sizeof *c->clusters + c->vertex_room * (12 + (c->normals ? 4 : 0) + (c->colors ? 4 : 0)) + 3 * c->triangle_room;
 }
 
 static bool allocate(builder *b, GError **error) {
@@ -388,8 +390,10 @@ static bool allocate(builder *b, GError **error) {
   o->clusters = tc_mesh_reserve(o->n, sizeof *o->clusters);
   o->positions = tc_mesh_reserve(o->vertex_room + over, 3 * sizeof *o->positions);
   o->normals = b->mesh->normals ? tc_mesh_reserve(o->vertex_room + over, sizeof *o->normals) : NULL;
+  o->colors = b->mesh->colors ? tc_mesh_reserve(o->vertex_room + over, sizeof *o->colors) : NULL;
   o->triangles = tc_mesh_reserve(o->triangle_room + over, 3);
-  if (!o->clusters || !o->positions || (b->mesh->normals && !o->normals) || !o->triangles) return out_of_memory(error);
+  if (!o->clusters || !o->positions || (b->mesh->normals && !o->normals) ||
+      (b->mesh->colors && !o->colors) || !o->triangles) return out_of_memory(error);
   memset(o->triangles + 3 * o->triangle_room, 0, 3 * over);
   o->bytes = bytes_of(o);
   return true;
@@ -432,6 +436,7 @@ tc_clusters *tc_clusters_make(const tc_mesh *mesh, tc_pool *pool, const tc_share
   const bool made = build(&b, error);
   b.out->n_parts = 1;
   b.out->parts[0].n = b.out->n;
+  b.out->parts[0].colored = mesh->colors != NULL;
   free(b.chunks);
   free(b.from);
   free(b.to);
@@ -465,8 +470,16 @@ static bool grow(void *block, size_t bytes, const void *more, size_t more_bytes,
   return true;
 }
 
+/* Where only one of both has colours the other's are 0: nobody reads them. */
+static bool grow_colors(tc_clusters *to, const tc_clusters *more, size_t over) {
+  const size_t own = to->vertex_room * sizeof *to->colors, added = more->vertex_room * sizeof *more->colors;
+  if (!to->colors && !more->colors) return true;
+  if (!to->colors && !grow(&to->colors, 0, NULL, 0, own)) return false;
+  return more->colors ? grow(&to->colors, own, more->colors, added, over) : grow(&to->colors, own, NULL, 0, added + over);
+}
+
 bool tc_clusters_append(tc_clusters *to, const tc_clusters *more, GError **error) {
-  const size_t over = 16 * TC_CLUSTER_PAD;
+  const size_t over = 16 * TC_CLUSTER_PAD, arrays = bytes_of(to);
   if (to->vertex_room + more->vertex_room > UINT32_MAX || to->triangle_room + more->triangle_room > UINT32_MAX) {
     tc_set_error(error, TC_ERROR_LIMIT, NULL, "clusters of a mesh: %zu triangles are too many", to->n_triangles + more->n_triangles);
     return false;
@@ -474,14 +487,16 @@ bool tc_clusters_append(tc_clusters *to, const tc_clusters *more, GError **error
   if (!grow(&to->clusters, to->n * sizeof *to->clusters, more->clusters, more->n * sizeof *more->clusters, sizeof *to->clusters) ||
       !grow(&to->positions, to->vertex_room * 12, more->positions, more->vertex_room * 12, over) ||
       (more->normals && !grow(&to->normals, to->vertex_room * 4, more->normals, more->vertex_room * 4, over)) ||
+      !grow_colors(to, more, over) ||
       !grow(&to->triangles, to->triangle_room * 3, more->triangles, more->triangle_room * 3, over))
     return out_of_memory(error);
   for (size_t i = to->n; i < to->n + more->n; i++) {
     to->clusters[i].vertex += (uint32_t)to->vertex_room;
     to->clusters[i].triangle += (uint32_t)to->triangle_room;
   }
-  to->n += more->n, to->n_triangles += more->n_triangles, to->bytes += bytes_of(more);
+  to->n += more->n, to->n_triangles += more->n_triangles;
   to->vertex_room += more->vertex_room, to->triangle_room += more->triangle_room;
+  to->bytes += bytes_of(to) - arrays;
   to->serial = next_serial();
   return true;
 }
@@ -545,11 +560,12 @@ static void bound_clusters(tc_clusters *c) {
   }
 }
 
-static bool copy_arrays(tc_clusters *to, const tc_clusters *all, const tc_cluster *from) {
+static bool copy_arrays(tc_clusters *to, const tc_clusters *all, const tc_cluster *from, bool colored) {
   const size_t over = 16 * TC_CLUSTER_PAD;
   return grow(&to->clusters, 0, from, to->n * sizeof *from, sizeof *from) &&
          grow(&to->positions, 0, all->positions + 3 * (size_t)from->vertex, to->vertex_room * 12, over) &&
          (!all->normals || grow(&to->normals, 0, all->normals + from->vertex, to->vertex_room * 4, over)) &&
+         (!colored || grow(&to->colors, 0, all->colors + from->vertex, to->vertex_room * 4, over)) &&
          grow(&to->triangles, 0, all->triangles + 3 * (size_t)from->triangle, to->triangle_room * 3, over) &&
          (to->parts = calloc(1, sizeof *to->parts));
 }
@@ -566,12 +582,12 @@ tc_clusters *tc_clusters_copy_part(const tc_clusters *all, size_t part, GError *
     to->vertex_room = last->vertex + tc_cluster_padded(last->n_vertices) - from->vertex;
     to->triangle_room = last->triangle + tc_cluster_padded(last->n_triangles) - from->triangle;
   }
-  if (!to || !copy_arrays(to, all, from)) {
+  if (!to || !copy_arrays(to, all, from, p->colored)) {
     tc_clusters_free(to);
     out_of_memory(error);
     return NULL;
   }
-  to->parts[0] = (tc_part){.of = p->of, .n = p->n, .closed = p->closed};
+  to->parts[0] = (tc_part){.of = p->of, .n = p->n, .colored = p->colored, .closed = p->closed};
   for (size_t i = 0; i < to->n; i++) {
     to->clusters[i].vertex -= from->vertex, to->clusters[i].triangle -= from->triangle;
     to->clusters[i].part = 0, to->clusters[i].group = 0;
@@ -589,6 +605,7 @@ void tc_clusters_free(tc_clusters *clusters) {
   free(clusters->clusters);
   free(clusters->positions);
   free(clusters->normals);
+  free(clusters->colors);
   free(clusters->triangles);
   free(clusters);
 }

@@ -4,7 +4,7 @@
  * compact: one test of its sphere leaves out all of its triangles where they are outside the view or hidden, one of its
  * cone where all of them face away. Within a cluster vertices are numbered by bytes, which is less than the 16 bits of
  * an index buffer (Knigavko and Avrunin) and needs no more than its own vertices in the cache. About 15 bytes a
- * triangle; the mesh it was made from is not needed any more. Immutable; any thread may read it. */
+ * triangle, 18 with colours; the mesh it was made from is not needed any more. Immutable; any thread may read it. */
 #ifndef TC_MESH_CLUSTERS_H
 #define TC_MESH_CLUSTERS_H
 
@@ -45,6 +45,7 @@ typedef struct tc_mesh_source {
 typedef struct tc_part {
   tc_mesh_source of; /* of.mesh NULL */
   size_t first, n;   /* clusters */
+  bool colored; /* its vertices have colours; of one without them those in tc_clusters.colors are not read */
   bool closed;       /* every edge has two triangles and normals point outwards: back faces are invisible from outside */
 } tc_part;
 
@@ -60,6 +61,7 @@ typedef struct tc_clusters {
   tc_cluster *clusters;              /* [n] */
   float *positions;    /* a cluster's start at 3 * vertex: all x, all y, all z, each padded to TC_CLUSTER_PAD */
   uint32_t *normals;   /* [vertex_room], octahedral, 16 bits each of x (low) and y; NULL where the mesh has none */
+  uint32_t *colors;    /* [vertex_room], as tc_mesh has them; NULL where no part has any */
   uint8_t *triangles;  /* a cluster's start at 3 * triangle: all first corners, all second, all third, padded likewise */
   size_t bytes;
   uint64_t serial; /* unique in the process */

@@ -18,6 +18,7 @@
 typedef struct corner {
   float at[3];
   uint32_t normal; /* octahedral */
+  uint32_t color;  /* 0 where there are none */
 } corner;
 
 /* A group as one mesh: each vertex once. */
@@ -61,6 +62,7 @@ static void gather(const tc_clusters *c, size_t first, size_t end, patch *p) {
         const size_t v = triangle[i * row + t];
         for (size_t d = 0; d < 3; d++) to->at[d] = at[d * room + v];
         to->normal = c->normals ? c->normals[k->vertex + v] : 0;
+        to->color = c->parts[k->part].colored ? c->colors[k->vertex + v] : 0;
       }
   }
 }
@@ -171,12 +173,14 @@ static void unpack(uint32_t packed, float n[3]) {
 
 /* The level's n triangles as clusters, after those that are there. */
 static bool add_level(making *m, const patch *p, size_t n, int level, uint16_t part, GError **error) {
-  const bool normals = m->of->normals != NULL;
+  const bool normals = m->of->normals != NULL, colored = m->of->parts[part].colored;
   tc_mesh *mesh = tc_mesh_new(p->n_vertices, n, normals, error);
+  if (mesh && colored && !tc_mesh_add_colors(mesh, error)) g_clear_pointer(&mesh, tc_mesh_free);
   if (!mesh) return false;
   memcpy(mesh->origin, m->of->origin, sizeof mesh->origin);
   memcpy(mesh->positions, p->positions, p->n_vertices * sizeof *p->positions);
   for (size_t i = 0; normals && i < p->n_vertices; i++) unpack(p->corners[i].normal, mesh->normals[i]);
+  for (size_t i = 0; colored && i < p->n_vertices; i++) mesh->colors[i] = p->corners[i].color;
   memcpy(mesh->triangles, p->level, n * sizeof *mesh->triangles);
   tc_clusters *made = tc_clusters_make(mesh, NULL, NULL, error);
   tc_mesh_free(mesh);
@@ -200,6 +204,13 @@ static float edge_of(const patch *p) {
   return (float)(sum / (double)p->n);
 }
 
+/* Errors are distances: where colours change a level would move them unseen. */
+static bool has_one_color(const patch *p) {
+  for (size_t i = 1; i < p->n_vertices; i++)
+    if (p->corners[i].color != p->corners[0].color) return false;
+  return true;
+}
+
 static bool add_levels(making *m, patch *p, uint16_t part, GError **error) {
   tc_group *g = &m->out->groups[m->group];
   const float *at = &p->positions[0][0];
@@ -207,9 +218,10 @@ static bool add_levels(making *m, patch *p, uint16_t part, GError **error) {
   bool good = true;
   size_t n = p->n;
   const float edge = edge_of(p), extent = meshopt_simplifyScale(at, p->n_vertices, sizeof *p->positions);
+  g->triangles[0] = (uint32_t)n;
+  if (!has_one_color(p)) return true;
   tc_deviation *full = tc_deviation_begin((const float(*)[3])p->positions, p->triangles, n);
   if (!full) return out_of_memory(error);
-  g->triangles[0] = (uint32_t)n;
   for (int level = 1; level < TC_LEVELS && good; level++, farthest *= FARTHER) {
     const size_t left = meshopt_simplify(p->level, p->level, 3 * n, at, p->n_vertices, sizeof *p->positions,
                                          3 * (n / QUARTER), farthest * edge / fmaxf(extent, 1e-30f), meshopt_SimplifyLockBorder, NULL) / 3;

@@ -60,6 +60,6 @@ bool tc_mesh_add_normals(tc_mesh *m, bool (*goes_on)(void *user), void *user, GE
       make_unit(normals[i - m->n_triangles]);
   }
   m->normals = normals;
-  m->bytes = (size_t)tc_mesh_bytes(m->n_vertices, m->n_triangles, true);
+  m->bytes += m->n_vertices * sizeof *m->normals;
   return true;
 }

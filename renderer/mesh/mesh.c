@@ -1,6 +1,7 @@
 #include "renderer/mesh/mesh.h"
 
 #include <stdlib.h>
+#include <string.h>
 #include <sys/mman.h>
 
 uint64_t tc_mesh_bytes(size_t n_vertices, size_t n_triangles, bool normals) {
@@ -37,6 +38,46 @@ tc_mesh *tc_mesh_new(size_t n_vertices, size_t n_triangles, bool normals, GError
   return NULL;
 }
 
+bool tc_mesh_add_colors(tc_mesh *m, GError **error) {
+  m->colors = tc_mesh_reserve(m->n_vertices, sizeof *m->colors);
+  if (!m->colors) {
+    tc_set_error(error, TC_ERROR_MEMORY, NULL, "colours of %zu vertices: out of memory", m->n_vertices);
+    return false;
+  }
+  m->bytes += m->n_vertices * TC_MESH_COLOR_BYTES;
+  return true;
+}
+
+static void append(tc_mesh *to, const tc_mesh *more, size_t vertex, size_t triangle) {
+  for (size_t v = 0; v < more->n_vertices; v++)
+    for (int k = 0; k < 3; k++)
+      to->positions[vertex + v][k] = (float)(more->positions[v][k] + (more->origin[k] - to->origin[k]));
+  if (to->normals) memcpy(to->normals + vertex, more->normals, more->n_vertices * sizeof *more->normals);
+  for (size_t v = 0; to->colors && v < more->n_vertices; v++) to->colors[vertex + v] = more->colors ? more->colors[v] : 0xffffff;
+  for (size_t t = 0; t < more->n_triangles; t++)
+    for (int c = 0; c < 3; c++) to->triangles[triangle + t][c] = (uint32_t)vertex + more->triangles[t][c];
+}
+
+tc_mesh *tc_mesh_join(tc_mesh *const *of, size_t n, GError **error) {
+  size_t vertices = 0, triangles = 0;
+  bool normals = true, colors = false;
+  for (size_t i = 0; i < n; i++) {
+    vertices += of[i]->n_vertices, triangles += of[i]->n_triangles;
+    normals = normals && of[i]->normals, colors = colors || of[i]->colors;
+  }
+  tc_mesh *all = tc_mesh_new(vertices, triangles, normals, error);
+  if (!all || (colors && !tc_mesh_add_colors(all, error))) {
+    tc_mesh_free(all);
+    return NULL;
+  }
+  if (n) memcpy(all->origin, of[0]->origin, sizeof all->origin);
+  for (size_t i = 0, vertex = 0, triangle = 0; i < n; i++) {
+    append(all, of[i], vertex, triangle);
+    vertex += of[i]->n_vertices, triangle += of[i]->n_triangles;
+  }
+  return all;
+}
+
 tc_mesh *tc_mesh_ref(tc_mesh *mesh) {
   __atomic_add_fetch(&mesh->references, 1, __ATOMIC_RELAXED);
   return mesh;
@@ -46,6 +87,7 @@ void tc_mesh_free(tc_mesh *mesh) {
   if (!mesh || __atomic_sub_fetch(&mesh->references, 1, __ATOMIC_ACQ_REL) > 0) return;
   free(mesh->positions);
   free(mesh->normals);
+  free(mesh->colors);
   free(mesh->triangles);
   if (mesh->freed) mesh->freed(mesh->freed_user);
   free(mesh);

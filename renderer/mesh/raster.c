@@ -79,6 +79,7 @@ static void set_up_frame(drawing *d) {
     }
   }
   d->slack = tc_sight_slack(job->mesh);
+  f->channels = job->channels;
   for (size_t i = 0; i < job->mesh->n_parts; i++) {
     d->translucent = d->translucent || job->surfaces[i].opacity < 1;
     d->textured = d->textured || job->surfaces[i].textured;
@@ -336,7 +337,7 @@ static void shade_fragments(drawing *d, worker *w) {
   if (!f->n) return;
   d->job->kernels->shade(&d->frame, f);
   if (d->textured) texture_fragments(d, f);
-  w->counts.shaded += (uint64_t)f->n;
+  w->counts.shaded += (uint64_t)f->n, w->counts.colored += (uint64_t)f->n_colored;
   for (int i = 0; i < f->n; i++) {
     float *to = w->linear[f->pixel[i]], *depth = &w->depth[f->pixel[i]];
     for (int c = 0; c < 3; c++) to[c] += f->share[i] * f->color[c][i];
@@ -562,6 +563,7 @@ static void add_counts(tc_raster_counts *to, const tc_raster_counts *from) {
   to->outside += from->outside, to->facing_away += from->facing_away;
   to->hidden += from->hidden, to->drawn += from->drawn;
   to->triangles += from->triangles, to->covered += from->covered, to->layers += from->layers, to->shaded += from->shaded;
+  to->colored += from->colored;
 }
 
 bool tc_raster_draw(const tc_raster_job *job, tc_raster_counts *counts, GError **error) {

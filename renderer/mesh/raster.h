@@ -28,6 +28,7 @@ typedef struct tc_raster_surface {
   bool one_sided; /* backs are not drawn: changes nothing of a closed opaque one that is looked at from outside and not cut */
   bool textured;  /* its colours are the job's texture's, and not lit */
   int look;       /* of the job's */
+  bool colored;   /* its colours are its vertices', of a part that has them */
 } tc_raster_surface;
 
 /* How surfaces are lit, in the numbers of raycast/shading.h (its weight w is 1). */
@@ -64,7 +65,8 @@ typedef struct tc_raster_counts {
   uint64_t triangles;            /* looked at in a tile */
   uint64_t covered;              /* samples covered by triangles, hidden or not */
   uint64_t layers;               /* samples covered by translucent triangles before what is opaque */
-  uint64_t shaded;               /* pairs of a pixel and a triangle that is seen in it */
+  uint64_t shaded;               /* pairs of a pixel and a triangle that is seen in it ... */
+  uint64_t colored;              /* ... for which the colours of vertices were looked up */
 } tc_raster_counts;
 
 typedef struct tc_raster_kernels tc_raster_kernels;
@@ -78,6 +80,7 @@ typedef struct tc_raster_job {
   const tc_raster_look *looks; /* [n_looks], at least one */
   int n_looks;
   const tc_raster_surface *surfaces; /* [mesh->n_parts] */
+  const float *channels;     /* [256] the compositing space's number for each of a vertex colour's; NULL: no surface is colored */
   const uint8_t *levels;     /* [mesh->n_groups]: of detail, levels.h; NULL: all in full */
   void (*texture)(const void *texture_user, const double at[3], float color[3]); /* mm from the mesh's origin; any thread */
   const void *texture_user;

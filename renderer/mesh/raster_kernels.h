@@ -22,6 +22,7 @@ typedef struct tc_raster_frame {
   const tc_raster_look *looks;
   int n_looks;
   const tc_raster_surface *surfaces;
+  const float *channels; /* [256]; NULL: no surface is colored */
   bool perspective;
   float to_fixed[2][4];  /* rows of the view in 256ths of a pixel */
   float centre_fixed[2]; /* likewise */
@@ -61,6 +62,7 @@ typedef struct tc_raster_fragments {
   float share[TC_RASTER_BATCH]; /* of its samples */
   float x[TC_RASTER_BATCH], y[TC_RASTER_BATCH]; /* pixels of the picture */
   float color[3][TC_RASTER_BATCH], depth[TC_RASTER_BATCH];
+  int n_colored; /* of those for which colours of vertices were looked up */
 } tc_raster_fragments;
 
 struct tc_raster_kernels {

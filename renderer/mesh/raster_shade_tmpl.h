@@ -118,6 +118,30 @@ V_INLINE void surface_of(const tc_raster_frame *f, const uint32_t *ids, vf color
   for (int k = 0; k < 3; k++) color[k] = v_load(of[k]);
 }
 
+/* Colours of a triangle's vertices at the place that the weights say, of the lanes whose surface has them. n: lanes that
+ * count. */
+static int vertex_colors(const tc_raster_frame *f, const uint32_t *ids, int n, const vf weight[3], vf color[3]) {
+  const tc_clusters *m = f->mesh;
+  float of[3][3][V_LANES] = {0}, has[V_LANES];
+  int found = 0;
+  for (int lane = 0; lane < V_LANES; lane++) {
+    const tc_cluster *k = &m->clusters[ids[lane] / TC_CLUSTER_TRIANGLES];
+    has[lane] = f->surfaces[k->part].colored;
+    if (!f->surfaces[k->part].colored) continue;
+    const size_t corners = tc_cluster_padded(k->n_triangles);
+    const uint8_t *corner = m->triangles + 3 * (size_t)k->triangle + ids[lane] % TC_CLUSTER_TRIANGLES;
+    for (size_t i = 0; i < 3; i++)
+      for (int c = 0; c < 3; c++) of[c][i][lane] = f->channels[m->colors[k->vertex + corner[i * corners]] >> 8 * c & 255];
+    found += lane < n;
+  }
+  const vm mine = v_lt(v_set(0), v_load(has));
+  for (int c = 0; c < 3; c++) {
+    vf sum = (weight[0] * v_load(of[c][0]) + weight[1] * v_load(of[c][1])) + weight[2] * v_load(of[c][2]);
+    color[c] = v_select(mine, v_min(sum, v_set(1)), color[c]);
+  }
+  return found;
+}
+
 /* raycast/shading.h, of a point with all of the weight: n and eye are unit; q and s are the lights' sums. color: unlit,
  * then lit. */
 static void light(const tc_raster_look *look, const vf n[3], const vf eye[3], vf color[3]) {
@@ -163,6 +187,7 @@ V_INLINE void light_each(const tc_raster_frame *f, const int look[V_LANES], cons
 static void shade(const tc_raster_frame *f, tc_raster_fragments *fragments) {
   bool shaded = false;
   int look[V_LANES];
+  fragments->n_colored = 0;
   for (int i = 0; i < f->n_looks; i++) shaded = shaded || f->looks[i].shaded;
   for (int i = fragments->n; i % V_LANES; i++) fragments->id[i] = fragments->id[0]; /* something to look up */
   for (int i = 0; i < fragments->n; i += V_LANES) {
@@ -175,6 +200,7 @@ static void shade(const tc_raster_frame *f, tc_raster_fragments *fragments) {
     meeting m = meet(f, &s, across, along, ray);
     v_store(fragments->depth + i, m.depth * length);
     surface_of(f, fragments->id + i, color, look);
+    if (f->channels) fragments->n_colored += vertex_colors(f, fragments->id + i, fragments->n - i, m.weight, color);
     for (int k = 0; k < 3; k++) {
       eye[k] = v_set(0) - ray[k] / length;
       n[k] = v_set(0);

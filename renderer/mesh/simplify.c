@@ -15,12 +15,15 @@ static tc_mesh *compact(const tc_mesh *from, const uint32_t *triangles, size_t n
   }
   const size_t used = meshopt_optimizeVertexFetchRemap(places, triangles, 3 * n_triangles, from->n_vertices);
   tc_mesh *mesh = tc_mesh_new(used, n_triangles, from->normals != NULL, error);
+  if (mesh && from->colors && !tc_mesh_add_colors(mesh, error)) g_clear_pointer(&mesh, tc_mesh_free);
   if (mesh) {
     memcpy(mesh->origin, from->origin, sizeof mesh->origin);
     meshopt_remapIndexBuffer(&mesh->triangles[0][0], triangles, 3 * n_triangles, places);
     meshopt_remapVertexBuffer(mesh->positions, from->positions, from->n_vertices, sizeof *from->positions, places);
     if (from->normals)
       meshopt_remapVertexBuffer(mesh->normals, from->normals, from->n_vertices, sizeof *from->normals, places);
+    if (from->colors)
+      meshopt_remapVertexBuffer(mesh->colors, from->colors, from->n_vertices, sizeof *from->colors, places);
   }
   free(places);
   return mesh;

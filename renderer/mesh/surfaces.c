@@ -95,16 +95,19 @@ static void move_origin(tc_mesh *mesh, const tc_volume *volume) {
 
 tc_mesh *tc_mesh_with_normals(const tc_mesh *mesh, const tc_mesh_options *options, GError **error) {
   if (!mesh) return tc_mesh_new(0, 0, true, error);
-  if (options->max_bytes && tc_mesh_bytes(mesh->n_vertices, mesh->n_triangles, true) > options->max_bytes) {
+  const uint64_t colors = mesh->colors ? mesh->n_vertices * TC_MESH_COLOR_BYTES : 0;
+  if (options->max_bytes && tc_mesh_bytes(mesh->n_vertices, mesh->n_triangles, true) + colors > options->max_bytes) {
     tc_set_error(error, TC_ERROR_LIMIT, NULL, "mesh of %zu triangles: there is no memory to show it; simplify it first",
                  mesh->n_triangles);
     return NULL;
   }
   tc_mesh *copy = tc_mesh_new(mesh->n_vertices, mesh->n_triangles, mesh->normals != NULL, error);
+  if (copy && colors && !tc_mesh_add_colors(copy, error)) g_clear_pointer(&copy, tc_mesh_free);
   if (!copy) return NULL;
   memcpy(copy->origin, mesh->origin, sizeof copy->origin);
   memcpy(copy->positions, mesh->positions, mesh->n_vertices * sizeof *copy->positions);
   memcpy(copy->triangles, mesh->triangles, mesh->n_triangles * sizeof *copy->triangles);
+  if (colors) memcpy(copy->colors, mesh->colors, colors);
   if (mesh->normals) memcpy(copy->normals, mesh->normals, mesh->n_vertices * sizeof *copy->normals);
   if (mesh->normals || tc_mesh_add_normals(copy, NULL, NULL, error)) return copy;
   tc_mesh_free(copy);

@@ -183,7 +183,7 @@ static bool make_meshes(tc_volume *labels, const tc_label_boxes *boxes, tc_mesh 
     }
     const tc_mesh *m = made[i] = mesh_of(labels, boxes, given ? given[i] : NULL, s, left, error);
     if (!m) return false;
-    const uint64_t bytes = tc_mesh_bytes(m->n_vertices, m->n_triangles, true);
+    const uint64_t bytes = m->bytes;
     if (bytes >= left) {
       tc_set_error(error, TC_ERROR_LIMIT, "/mesh/surfaces",
                    "the error meter takes meshes of less than 256 MiB together; show fewer or simplified ones");
@@ -192,7 +192,7 @@ static bool make_meshes(tc_volume *labels, const tc_label_boxes *boxes, tc_mesh 
     left -= bytes;
     meshes[i] = (tc_reference_mesh){{m->origin[0], m->origin[1], m->origin[2]}, m->n_vertices, m->n_triangles,
                                     (const float(*)[3])m->positions, (const float(*)[3])m->normals,
-                                    (const uint32_t(*)[3])m->triangles};
+                                    (const uint32_t(*)[3])m->triangles, m->colors};
   }
   return true;
 }

@@ -45,10 +45,12 @@ bool tc_ref_ray_cast(const tc_ref_camera *camera, const tc_ref_clip *clip, const
 typedef struct tc_ref_triangles tc_ref_triangles;
 typedef struct tc_ref_triangle_hit {
   double t, normal[3]; /* LPS, of any length */
+  double color[3];     /* of a mesh with colours; compositing space */
   bool back;           /* met from behind */
 } tc_ref_triangle_hit;
 struct tc_reference_mesh;
-tc_ref_triangles *tc_ref_triangles_new(const struct tc_reference_mesh *mesh); /* copies; NULL: no memory */
+/* Copies; NULL: no memory. linear: the compositing space of colours. */
+tc_ref_triangles *tc_ref_triangles_new(const struct tc_reference_mesh *mesh, bool linear);
 void tc_ref_triangles_free(tc_ref_triangles *triangles);
 /* The nearest hit of the ray's part behind `after`. */
 bool tc_ref_triangles_hit(const tc_ref_triangles *triangles, const tc_ref_ray *ray, double after, tc_ref_triangle_hit *hit);

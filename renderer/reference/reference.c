@@ -16,7 +16,7 @@ typedef struct ref_surface {
   double iso, plane[4];
   tc_ref_triangles *triangles;   /* owned; of labels and meshes */
   double color[3], opacity;      /* compositing space */
-  bool one_sided;
+  bool one_sided, colored;       /* colored: by the triangles' own colours */
   tc_ref_shading shading;
 } ref_surface;
 
@@ -109,7 +109,8 @@ static bool add_surface(tc_reference *r, const tc_scene *scene, const tc_mesh_su
   if (item->source == TC_SURFACE_OF_LABEL && !item->has_color) tc_ref_label_color(labels, scene, item->label, s->color);
   if (item->source == TC_SURFACE_OF_PLANE) plane_of(r, scene, item->plane, s->plane);
   s->shading = shading_of_surface(r, scene, item);
-  if (needs_mesh(item) && !(s->triangles = tc_ref_triangles_new(mesh))) {
+  s->colored = item->source == TC_SURFACE_OF_MESH && mesh->colors && !item->has_color;
+  if (needs_mesh(item) && !(s->triangles = tc_ref_triangles_new(mesh, scene->image.linear_light))) {
     tc_set_error(error, TC_ERROR_MEMORY, "/mesh/surfaces", "reference: no memory for the triangles");
     return false;
   }
@@ -357,7 +358,7 @@ static bool hit_surface(const tc_reference *r, const ref_surface *s, const cast_
     hit->normal[k] = s->kind == TC_SURFACE_OF_PLANE ? s->plane[k] : on.normal[k];
   }
   hit->distance_mm = next->t - ray->eye;
-  memcpy(hit->color, s->color, sizeof hit->color);
+  memcpy(hit->color, s->colored ? on.color : s->color, sizeof hit->color);
   if (s->kind == TC_SURFACE_OF_PLANE) {
     color_slice(r, at, hit->color);
   } else if (s->triangles) {

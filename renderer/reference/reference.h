@@ -33,6 +33,7 @@ typedef struct tc_reference_mesh {
   size_t n_vertices, n_triangles;
   const float (*positions)[3], (*normals)[3]; /* relative to the origin; normals NULL: the triangles' own */
   const uint32_t (*triangles)[3];
+  const uint32_t *colors; /* [n_vertices] sRGB, red in the lowest byte; NULL: of a surface without a colour isosurface.color */
 } tc_reference_mesh;
 
 /* JSON pointer to the member because of which this scene has no reference; NULL if it has one. "/labels/volume": the

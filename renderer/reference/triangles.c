@@ -18,7 +18,8 @@ typedef struct node {
 struct tc_ref_triangles {
   double origin[3];
   float (*positions)[3], (*normals)[3];
-  uint32_t (*triangles)[3];
+  uint32_t (*triangles)[3], *colors;
+  bool linear;
   node *nodes;
   uint32_t n_nodes;
 };
@@ -88,15 +89,16 @@ static void *copy(const void *from, size_t n, size_t size) {
   return to;
 }
 
-tc_ref_triangles *tc_ref_triangles_new(const tc_reference_mesh *of) {
+tc_ref_triangles *tc_ref_triangles_new(const tc_reference_mesh *of, bool linear) {
   tc_ref_triangles *m = g_new0(tc_ref_triangles, 1);
   placed *order = sort_triangles(of);
   memcpy(m->origin, of->origin, sizeof m->origin);
   m->positions = copy(of->positions, of->n_vertices, sizeof *m->positions);
   m->normals = copy(of->normals, of->n_vertices, sizeof *m->normals);
+  m->colors = copy(of->colors, of->n_vertices, sizeof *m->colors), m->linear = linear;
   m->triangles = malloc((of->n_triangles + 1) * sizeof *m->triangles);
   m->nodes = malloc((of->n_triangles + 1) * sizeof *m->nodes);
-  const bool good = order && m->positions && (m->normals || !of->normals) && m->triangles && m->nodes;
+  const bool good = order && m->positions && (m->normals || !of->normals) && (m->colors || !of->colors) && m->triangles && m->nodes;
   for (size_t t = 0; t < of->n_triangles && good; t++)
     memcpy(m->triangles[t], of->triangles[order[t].triangle], sizeof *m->triangles);
   if (good && of->n_triangles) build(m, 0, (uint32_t)of->n_triangles);
@@ -108,7 +110,7 @@ tc_ref_triangles *tc_ref_triangles_new(const tc_reference_mesh *of) {
 
 void tc_ref_triangles_free(tc_ref_triangles *m) {
   if (!m) return;
-  free(m->positions), free(m->normals), free(m->triangles), free(m->nodes);
+  free(m->positions), free(m->normals), free(m->colors), free(m->triangles), free(m->nodes);
   g_free(m);
 }
 
@@ -130,6 +132,11 @@ static bool meets(const node *n, const double from[3], const double along[3], do
   return enter <= leave;
 }
 
+static double channel(const tc_ref_triangles *m, uint32_t vertex, int c) {
+  const double srgb = (double)(m->colors[vertex] >> 8 * c & 255) / 255;
+  return m->linear ? tc_ref_to_linear(srgb) : srgb;
+}
+
 /* Moeller and Trumbore (1997). */
 static void try_triangle(const tc_ref_triangles *m, uint32_t i, const double from[3], const double along[3],
                          double enter, tc_ref_triangle_hit *hit) {
@@ -144,6 +151,8 @@ static void try_triangle(const tc_ref_triangles *m, uint32_t i, const double fro
   const double weight[3] = {1 - u - v, u, v};
   hit->t = t, hit->back = dot(face, along) > 0;
   memcpy(hit->normal, face, sizeof face);
+  for (int c = 0; c < 3 && m->colors; c++)
+    hit->color[c] = weight[0] * channel(m, corner[0], c) + weight[1] * channel(m, corner[1], c) + weight[2] * channel(m, corner[2], c);
   if (!m->normals) return;
   memset(hit->normal, 0, sizeof hit->normal);
   for (int c = 0; c < 3; c++)

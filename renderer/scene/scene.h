@@ -117,7 +117,7 @@ typedef struct tc_mesh_surface {
   char mesh[64]; /* id */
   tc_mpr_orientation plane;
   double color[3], opacity;
-  bool has_color; /* else that of its source: of the label, or isosurface.color */
+  bool has_color; /* else that of its source: of the label, of the mesh's vertices, or isosurface.color */
   bool visible;
   bool two_sided; /* else what faces away from the eye is not drawn */
   unsigned own_shading; /* bits of what follows, model first, that is its own; else shading's */

@@ -36,6 +36,7 @@ void tcs_mesh_describe(cJSON *json, const tc_mesh *mesh, const tc_mesh_file *fil
   cJSON_AddItemToObject(json, "low", cJSON_CreateDoubleArray(measures->low, 3));
   cJSON_AddItemToObject(json, "high", cJSON_CreateDoubleArray(measures->high, 3));
   cJSON_AddBoolToObject(json, "closed", measures->closed);
+  cJSON_AddBoolToObject(json, "colors", mesh->colors != NULL);
   cJSON_AddStringToObject(json, "format", file->format);
   cJSON_AddNumberToObject(json, "bytes", (double)mesh->bytes);
 }

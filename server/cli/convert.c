@@ -5,14 +5,17 @@
 #include <string.h>
 #include <unistd.h>
 
+#include "renderer/classify/labels.h"
 #include "renderer/export/export.h"
 #include "renderer/import/import.h"
+#include "renderer/mesh/surfaces.h"
 #include "renderer/splat/vmd.h"
 #include "server/cli/cli.h"
 
 /* What the arguments say. */
 typedef struct wanted {
   double iso, label, simplify; /* simplify: mm; negative: not */
+  bool all_labels;
   tc_vmd_wish model;
 } wanted;
 
@@ -77,8 +80,9 @@ static bool check_mesh(const arguments *a, bool mesh, wanted *w, GError **error)
   if (mesh && !from_mesh && !a->iso == !a->label)
     return bad_usage(error, "a surface wants --iso V, its value, or --label N, a segment");
   w->simplify = -1;
+  w->all_labels = a->label && strcmp(a->label, "all") == 0;
   if (!read_numbers("--iso", a->iso, 1, -INFINITY, &w->iso, error) ||
-      !read_numbers("--label", a->label, 1, 1, &w->label, error) ||
+      (!w->all_labels && !read_numbers("--label", a->label, 1, 1, &w->label, error)) ||
       !read_numbers("--simplify", a->simplify, 1, 0, &w->simplify, error))
     return false;
   if (w->label == floor(w->label) && w->label <= UINT32_MAX) return true;
@@ -89,8 +93,8 @@ static bool parse(arguments *a, int argc, char **argv, wanted *w, GError **error
   const GOptionEntry entries[] = {
       {"iso", 0, 0, G_OPTION_ARG_FILENAME, &a->iso,
        "value of the surface, in the volume's unit: for .ply, .stl and .obj", "V"},
-      {"label", 0, 0, G_OPTION_ARG_FILENAME, &a->label, "the smooth surface of one label of a segmentation instead",
-       "N"},
+      {"label", 0, 0, G_OPTION_ARG_FILENAME, &a->label,
+       "the smooth surface of one label of a segmentation instead, or of all, in their colours", "N|all"},
       {"simplify", 0, 0, G_OPTION_ARG_FILENAME, &a->simplify, "fewer triangles, off the surface by about so much",
        "MM"},
       {"ascii", 0, 0, G_OPTION_ARG_NONE, &a->ascii, "write .ply and .stl as text", NULL},
@@ -122,10 +126,61 @@ static bool parse(arguments *a, int argc, char **argv, wanted *w, GError **error
   return true;
 }
 
+/* ---- labels ---- */
+
+typedef struct labels {
+  const tc_volume *volume;
+  tc_labels *colors;
+  tc_label_boxes *boxes;
+  GPtrArray *meshes;
+} labels;
+
+/* One color for all of its vertices: the segment's own, or that of its number. */
+static bool color_label(const labels *l, uint32_t label, tc_mesh *mesh, GError **error) {
+  const tc_volume_desc *d = tc_volume_describe(l->volume);
+  const float *rgb = l->colors->entries[(int)((label - d->intercept) / d->slope) - l->colors->base];
+  uint32_t color = 0;
+  for (int c = 0; c < 3; c++) color |= (uint32_t)(rgb[c] * 255 + 0.5f) << 8 * c;
+  if (!tc_mesh_add_colors(mesh, error)) return false;
+  for (size_t v = 0; v < mesh->n_vertices; v++) mesh->colors[v] = color;
+  return true;
+}
+
+static bool add_label(labels *l, uint32_t label, const wanted *w, const tc_mesh_options *options, GError **error) {
+  tc_mesh *mesh = tc_mesh_extract_label(l->volume, label, l->boxes, options, error), *full = mesh;
+  if (mesh && w->simplify >= 0) {
+    mesh = tc_mesh_simplify(full, w->simplify, 0, error);
+    tc_mesh_free(full);
+  }
+  if (!mesh) return false;
+  g_ptr_array_add(l->meshes, mesh);
+  return !mesh->n_triangles || color_label(l, label, mesh, error);
+}
+
+static tc_mesh *extract_labels(const tc_volume *volume, const wanted *w, const tc_mesh_options *options, GError **error) {
+  const tc_scene *own = tc_labels_of_colors();
+  labels l = {.volume = volume, .boxes = tc_label_boxes_find(volume, options->pool, error)};
+  if (!l.boxes) return NULL;
+  l.meshes = g_ptr_array_new_with_free_func((GDestroyNotify)tc_mesh_free);
+  l.colors = tc_labels_build(volume, own, tc_labels_key(volume, own), NULL, error);
+  bool good = l.colors != NULL;
+  for (int bits = 0; good && bits < l.boxes->n_values; bits++) {
+    const uint32_t label = tc_mesh_label_of(tc_volume_describe(volume), bits);
+    if (label && l.boxes->reach[bits][3] && (w->all_labels || label == w->label)) good = add_label(&l, label, w, options, error);
+  }
+  tc_mesh *all = good ? tc_mesh_join((tc_mesh *const *)l.meshes->pdata, l.meshes->len, error) : NULL;
+  g_ptr_array_unref(l.meshes);
+  tc_labels_free(l.colors);
+  g_free(l.boxes);
+  return all;
+}
+
+/* ---- one surface ---- */
+
 static tc_mesh *extract(const tc_volume *volume, const wanted *w, const arguments *a, GError **error) {
   const tc_mesh_options options = {.normals = true, .pool = tc_pool_new(a->threads, error)};
   if (!options.pool) return NULL;
-  tc_mesh *mesh = a->label ? tc_mesh_extract_label(volume, (uint32_t)w->label, NULL, &options, error)
+  tc_mesh *mesh = a->label ? extract_labels(volume, w, &options, error)
                            : tc_mesh_extract(volume, w->iso, &options, error);
   tc_pool_free(options.pool);
   if (!mesh || mesh->n_triangles > 0) return mesh;
@@ -140,7 +195,7 @@ static tc_mesh *extract(const tc_volume *volume, const wanted *w, const argument
 
 /* Takes the mesh. */
 static bool write_mesh(tc_mesh *mesh, const wanted *w, const arguments *a, GError **error) {
-  if (mesh && w->simplify >= 0) {
+  if (mesh && w->simplify >= 0 && !a->label) { /* labels were, each by itself */
     tc_mesh *all = mesh;
     mesh = tc_mesh_simplify(all, w->simplify, 0, error);
     tc_mesh_free(all);

@@ -17,6 +17,7 @@ static void print_json(const tc_mesh *m, const tc_mesh_file *from, const tc_mesh
   cJSON_AddItemToObject(o, "high", cJSON_CreateDoubleArray(is->high, 3));
   cJSON_AddBoolToObject(o, "closed", is->closed);
   cJSON_AddBoolToObject(o, "normals", m->normals != NULL);
+  cJSON_AddBoolToObject(o, "colors", m->colors != NULL);
   cJSON_AddNumberToObject(o, "bytes", (double)m->bytes);
   char *text = cJSON_Print(o);
   puts(text);
@@ -28,7 +29,8 @@ static void print_text(const tc_mesh *m, const tc_mesh_file *from, const tc_mesh
   printf("kind         %s\n", from->format);
   printf("triangles    %zu, %s", m->n_triangles, is->closed ? "closed" : "open: some edges are a border");
   if (from->degenerate) printf("; %" PRIu64 " degenerate ones left out", from->degenerate);
-  printf("\nvertices     %zu, %s normals\n", m->n_vertices, m->normals ? "with" : "without");
+  printf("\nvertices     %zu, %s normals, %s colours\n", m->n_vertices, m->normals ? "with" : "without",
+         m->colors ? "with" : "without");
   printf("extent       %g to %g, %g to %g, %g to %g mm LPS\n", is->low[0], is->high[0], is->low[1], is->high[1],
          is->low[2], is->high[2]);
   printf("bytes        %zu\n", m->bytes);

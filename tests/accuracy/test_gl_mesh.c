@@ -375,6 +375,36 @@ TEST(labels_have_their_colours) {
   tc_volume_unref(labels);
 }
 
+/* Of several parts only one has colours, and another look; one and several samples. */
+TEST(colours_of_vertices_are_the_cpus) {
+  needs(test_renderers[GL]);
+  g_autoptr(tc_volume) volume = waves();
+  g_autoptr(tc_mesh) mesh = tc_mesh_extract(volume, 0.6, &(tc_mesh_options){.normals = true}, NULL);
+  assert_true(tc_mesh_add_colors(mesh, NULL));
+  for (size_t v = 0; v < mesh->n_vertices; v++) mesh->colors[v] = (uint32_t)v * 0x9e3779b1u >> 8; /* noise */
+  const tc_mesh_surface list[2] = {{.value = 0.4, .color = {0.8, 0.8, 1}, .opacity = 1, .has_color = true, .visible = true, .two_sided = true},
+                                   {.source = TC_SURFACE_OF_MESH, .opacity = 1, .visible = true, .two_sided = true}};
+  tc_mesh *const meshes[2] = {NULL, mesh};
+  const tc_render_request request = {.want_linear = true, .meshes = meshes};
+  for (int round = 0; round < 3; round++) {
+    g_auto(tc_scene) scene;
+    mesh_scene(&scene, volume, round == 1 ? TC_ORTHOGRAPHIC : TC_PERSPECTIVE);
+    scene.sampling.rays_per_pixel = round == 2 ? 4 : 1, scene.image.linear_light = round == 1;
+    tc_scene_set_surfaces(&scene, g_memdup2(list + (round == 0), (round ? 2 : 1) * sizeof *list), round ? 2 : 1);
+    const tc_render_request one = {.want_linear = true, .meshes = meshes + 1}, *of = round ? &request : &one;
+    const tc_frame *gl = test_draw(GL, volume, &scene, of, NULL), *cpu = test_draw(test_widest(), volume, &scene, of, NULL);
+    int off = 0, seen = 0, colourful = 0;
+    for (int i = 0; i < PIXELS; i++) {
+      int worst = 0;
+      for (int c = 0; c < 4; c++) worst = MAX(worst, abs(gl->rgba[4 * i + c] - cpu->rgba[4 * i + c]));
+      off += worst > 1, seen += cpu->linear[4 * i + 3] > 0;
+      colourful += abs(cpu->rgba[4 * i] - cpu->rgba[4 * i + 1]) > 30;
+    }
+    print_message("  %d of %d pixels off by more than 1/255, %d colourful\n", off, seen, colourful);
+    assert_true(!gl->stats.stand_in && seen > PIXELS / 5 && colourful > seen / 5 && off <= seen / 500); /* edges: noise ends there */
+  }
+}
+
 /* Surfaces within the volume, in dvr and mip: gl casts the rays' parts, and gives the cpu's picture. */
 TEST(surfaces_within_a_volume_are_the_cpus) {
   needs(test_renderers[GL]);

@@ -126,6 +126,34 @@ typedef struct edge {
   float ends[2][3]; /* in order of their bytes */
 } edge;
 
+/* A group of several colours has no other level: a level's error is of places. */
+TEST(colours_are_not_simplified_away) {
+  g_autoptr(tc_mesh) m = tc_mesh_extract(f.volume, 0.5, &(tc_mesh_options){.normals = true}, NULL);
+  size_t n[2], one = 0;
+  assert_true(tc_mesh_add_colors(m, NULL));
+  for (int several = 0; several < 2; several++) {
+    for (size_t v = 0; v < m->n_vertices; v++) m->colors[v] = several && m->positions[v][0] > 0 ? 0xff : 0xff00;
+    tc_clusters *c = tc_clusters_make(m, NULL, NULL, NULL), *made = tc_levels_make(c, NULL, NULL);
+    assert_true(made && tc_levels_add(c, made, NULL));
+    n[several] = 0;
+    for (size_t g = 0; g < c->n_groups; g++) {
+      uint32_t first = 0;
+      bool same = true;
+      for (size_t i = c->groups[g].first; i < c->groups[g].first + c->groups[g].n; i++)
+        for (size_t v = 0; v < c->clusters[i].n_vertices; v++) {
+          const uint32_t color = c->colors[c->clusters[i].vertex + v];
+          same = same && (!first || color == first), first = color;
+        }
+      one += several && same, n[several] += isfinite(c->groups[g].error[1]);
+      assert_true(same || !isfinite(c->groups[g].error[1]));
+    }
+    for (size_t i = 0; i < c->n; i++) assert_true(c->colors[c->clusters[i].vertex] == 0xff || c->colors[c->clusters[i].vertex] == 0xff00);
+    tc_clusters_free(c);
+  }
+  print_message("  %zu groups have levels; %zu where there are two colours, of %zu with one\n", n[0], n[1], one);
+  assert_true(n[0] > n[1] && n[1] > 0 && n[1] <= one);
+}
+
 /* Every edge within the volume goes both ways, whatever levels neighbours have. */
 TEST(levels_meet_without_a_crack) {
   const tc_clusters *c = f.levels;

@@ -362,6 +362,34 @@ TEST(labels_have_a_truth) {
   tc_scene_clear(&scene);
 }
 
+/* A mesh's own colours, in both compositing spaces; the truth without them is another picture. */
+TEST(colours_of_vertices_are_the_truths) {
+  g_autoptr(tc_volume) volume = test_volume(&(test_grid){.dims = {40, 40, 40}, .type = TC_F32}, test_radius2, (double[3]){20, 20, 20});
+  g_autoptr(tc_mesh) ball = tc_mesh_extract(volume, 200, &(tc_mesh_options){.normals = true}, NULL);
+  const tc_mesh_surface list[2] = {{.source = TC_SURFACE_OF_MESH, .opacity = 0.6, .visible = true, .two_sided = true},
+                                   {.value = 64, .color = {0.3, 0.4, 1}, .opacity = 1, .has_color = true, .visible = true}};
+  tc_mesh *const meshes[2] = {ball};
+  assert_true(tc_mesh_add_colors(ball, NULL));
+  for (size_t v = 0; v < ball->n_vertices; v++) {
+    const float *at = ball->positions[v];
+    ball->colors[v] = (at[0] > 0 ? 0xff : 0x20) | (uint32_t)(127 + 8 * at[1]) << 8 | (at[2] > 2 ? 0xff0000 : 0);
+  }
+  for (int linear = 0; linear < 2; linear++) {
+    g_auto(tc_scene) scene;
+    g_auto(tc_scene) other;
+    mesh_scene(&scene, volume, TC_PERSPECTIVE);
+    scene.shading.model = TC_SHADING_LAMBERT, scene.shading.gradient = TC_GRADIENT_CENTRAL, scene.image.linear_light = linear;
+    tc_scene_set_surfaces(&scene, g_memdup2(list, sizeof list), 2);
+    tc_scene_copy(&other, &scene);
+    tc_scene_set_surfaces(&other, g_memdup2(list, sizeof list), 2);
+    other.mesh.surfaces[0].has_color = true, other.mesh.surfaces[0].color[0] = 1;
+    const double off = error_of_drawn(volume, NULL, meshes, &scene, &scene), own = error_of_drawn(volume, NULL, meshes, &other, &other);
+    const double without = error_of_drawn(volume, NULL, meshes, &scene, &other);
+    print_message("  rms %.1e, of one colour %.1e; against that %.3f\n", off, own, without);
+    assert_true(off < 0.012 && own < 0.012 && without > 0.05);
+  }
+}
+
 /* The truth copies each mesh: one that is listed again and again is refused before. */
 TEST(meshes_of_a_truth_are_bounded) {
   g_autoptr(tc_volume) volume = test_volume(&(test_grid){.dims = {4, 4, 4}, .type = TC_F32}, test_radius2, (double[3]){2, 2, 2});

@@ -33,8 +33,8 @@ test('a mesh of the data folder is loaded, described, listed and deleted', async
   const reply = await d.post('/v1/meshes', { id: 'ball', path: 'ball.stl' }); // a volume of this id is there already
   assert.deepEqual([reply.status, reply.headers.get('location')], [202, '/v1/meshes/ball']);
   const mesh = await settled('ball');
-  assert.deepEqual([mesh.state, mesh.triangles, mesh.degenerate, mesh.vertices, mesh.closed, mesh.format, mesh.sessions],
-    ['resident', 360, 40, 182, true, 'stl', 0]); // at the poles two corners of a triangle are one
+  assert.deepEqual([mesh.state, mesh.triangles, mesh.degenerate, mesh.vertices, mesh.closed, mesh.colors, mesh.format, mesh.sessions],
+    ['resident', 360, 40, 182, true, false, 'stl', 0]); // at the poles two corners of a triangle are one
   assert.deepEqual([mesh.low[2], mesh.high[2], mesh.bytes], [41, 81, 182 * 24 + 360 * 12]);
   const [api, list] = [(await d.get('/v1/openapi.json')).json, (await d.get('/v1/meshes')).json];
   assert.deepEqual(list.meshes.map(({ id }) => id), ['ball']);

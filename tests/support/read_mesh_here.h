@@ -78,6 +78,8 @@ static inline tc_mesh *read_mesh_here(const void *bytes, size_t size, const char
     memcpy(m->origin, here->head.origin, sizeof m->origin);
     mesh_here_take(here, m->positions, m->n_vertices * sizeof *m->positions);
     if (m->normals) mesh_here_take(here, m->normals, m->n_vertices * sizeof *m->normals);
+    if (here->head.colors && !tc_mesh_add_colors(m, error)) abort();
+    if (m->colors) mesh_here_take(here, m->colors, m->n_vertices * sizeof *m->colors);
     mesh_here_take(here, m->triangles, m->n_triangles * sizeof *m->triangles);
     if (here->bytes->len || !mesh_is_sound(m)) abort();
     if (head) *head = here->head;

@@ -130,6 +130,7 @@ TEST(bad_usage) {
   refuse(RUN("convert", "demo:bucky", "b.ply", "--label", "1e300"), 2, "--label: a whole number");
   refuse(RUN("convert", "demo:head-labels", "b.ply", "--label", "200"), 1,
          "--label 200: the volume has no voxel of that label");
+  refuse(RUN("convert", "demo:bucky", "b.nrrd", "--label", "all"), 2, "--iso, --label and --simplify go with");
   refuse(RUN("convert", "demo:bucky", "b.ply", "--iso", "1e9"), 1, "no surface of that value; its values are 0 to ");
 }
 
@@ -233,6 +234,24 @@ TEST(meshes_among_each_other) {
   refuse(RUN("convert", "t.stl", "t.obj", "--iso", "3"), 2, "--iso and --label are of volumes");
   put_file("t.stl", "no");
   refuse(RUN("info", "t.stl"), 1, "open t.stl: the file is cut short");
+}
+
+/* In their colours, of one label a single one. */
+TEST(labels_become_a_mesh) {
+  for (int i = 0; i < 2; i++) {
+    accept(RUN("convert", "demo:head-labels", "l.obj", "--label", i ? "all" : "1", "--simplify", "2"));
+    gsize size;
+    g_autofree char *bytes = take_file("l.obj", &size);
+    g_autoptr(GHashTable) colors = g_hash_table_new_full(g_str_hash, g_str_equal, g_free, NULL);
+    g_auto(GStrv) lines = g_strsplit(bytes, "\n", -1);
+    for (char **line = lines; *line; line++) {
+      if (!g_str_has_prefix(*line, "v ")) continue;
+      g_auto(GStrv) words = g_strsplit(*line, " ", 5);
+      g_hash_table_add(colors, g_strdup(words[4]));
+    }
+    if (!i) assert_true(g_hash_table_contains(colors, "0.902 0.6235 0"));
+    assert_true(i ? g_hash_table_size(colors) > 3 : g_hash_table_size(colors) == 1);
+  }
 }
 
 /* The same words as the HTTP service's: each sample where the last one ended. */

@@ -72,6 +72,32 @@ TEST(indexed_formats_come_back_exactly) {
   }
 }
 
+/* Colours too, of 8 bits; those of a vertex with two normals go with both of its places. */
+TEST(colours_of_vertices_come_back) {
+  static const char *const names[] = {"m.ply", "m.obj", "a.ply"};
+  for (int c = 0; c < 6; c++) {
+    g_autoptr(tc_mesh) m = torus(c >= 3, 0);
+    assert_true(tc_mesh_add_colors(m, NULL));
+    for (uint32_t i = 0; i < 600; i++) m->colors[i] = i * 0x9e3779b1u >> 8;
+    g_autoptr(tc_mesh) back = written_and_read(m, names[c % 3], c % 3 == 2);
+    assert_memory_equal(back->colors, m->colors, 600 * 4);
+    assert_true(back->bytes == m->bytes);
+  }
+  g_autoptr(tc_mesh) wide = read_text("ply\nformat ascii 1.0\nelement vertex 3\nproperty float blue\nproperty float x\nproperty float y\n"
+                                      "property float z\nproperty ushort red\nproperty double green\nelement face 1\n"
+                                      "property list uchar int vertex_index\nend_header\n0.5 0 0 0 65535 -3\nnan 1 0 0 32768 7\n"
+                                      "0 0 1 0 0 0.2\n3 0 1 2\n", "w.ply");
+  assert_true(wide->colors[0] == 0x8000ff && wide->colors[1] == 0xff80 && wide->colors[2] == 0x3300);
+  g_autoptr(tc_mesh) two = read_text("v 0 0 0 1 0 0\nv 1 0 0 0 1 0\nv 0 1 0 0 0 1\nvn 0 0 1\nvn 0 0 -1\nf 1//1 2//1 3//1\nf 1//2 3//2 2//2\n", "o.obj");
+  assert_true(two->n_vertices == 6 && two->colors[3] == 0xff && two->colors[4] == 0xff0000 && two->colors[5] == 0xff00);
+  g_autoptr(tc_mesh) some = read_text("v 0 0 0 1 0 0\nv 1 0 0\nv 0 1 0 0.5\nf 1 2 3\n", "s.obj"); /* not all have one */
+  assert_null(some->colors);
+  g_autoptr(tc_mesh) bytes = read_text("ply\nformat ascii 1.0\nelement vertex 3\nproperty int red\nproperty int green\nproperty int blue\n"
+                                       "property float x\nproperty float y\nproperty float z\nelement face 1\nproperty list uchar int vertex_index\n"
+                                       "end_header\n9 9 9 0 0 0\n9 9 9 1 0 0\n9 9 9 0 1 0\n3 0 1 2\n", "i.ply");
+  assert_null(bytes->colors); /* of a type that says no brightness */
+}
+
 TEST(corners_of_an_stl_are_welded) {
   for (int ascii = 0; ascii < 2; ascii++) {
     tc_mesh *m = torus(true, 100.5), *back = written_and_read(m, "m.stl", ascii);
@@ -313,7 +339,7 @@ static void no_reply(void *user, char what, int fd) {}
 
 TEST(lies_about_the_mesh_are_refused) {
   static uint8_t ring[TC_WIRE_RING_BYTES];
-  for (int lie = 0; lie < 12; lie++) {
+  for (int lie = 0; lie < 13; lie++) {
     tc_mesh_head head = {.n_vertices = 3, .n_triangles = 1, .normals = true, .format = "stl"};
     float floats[2][3][3] = {{{0, 0, 0}, {1, 0, 0}, {0, 1, 0}}, {{0, 0, 1}, {0, 0, 1}, {0, 0, 1}}};
     uint32_t corners[3] = {0, 1, 2};
@@ -328,6 +354,7 @@ TEST(lies_about_the_mesh_are_refused) {
     if (lie == 8) bytes -= 4;
     if (lie == 9) bytes += 4;
     if (lie == 10) head.normals = false;
+    if (lie == 12) head.colors = true; /* the corners are missing then */
     memcpy(ring, floats, sizeof floats);
     memcpy(ring + sizeof floats, corners, sizeof corners);
     int ends[2];

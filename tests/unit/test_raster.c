@@ -22,6 +22,7 @@ typedef struct drawing {
   int n_clip;
   tc_pool *pool;
   const tc_raster_surface *surfaces; /* NULL: one, opaque */
+  const float *channels;             /* of colored surfaces */
   const tc_raster_look *looks;       /* two of them; NULL: one, with its light at the camera */
 } drawing;
 
@@ -52,7 +53,7 @@ static bool try_draw(const tc_clusters *mesh, const drawing *d, picture *p, GErr
                                .factor = {0.2f, 0.7f}, .specular = d->samples > 1 ? 0.3f : 0, .shininess = 30};
   const tc_raster_job job = {.mesh = mesh, .view = &view, .kernels = tc_raster_kernels_named(d->isa ? d->isa : "scalar"),
                              .looks = d->looks ? d->looks : &look, .n_looks = d->looks ? 2 : 1,
-                             .surfaces = d->surfaces ? d->surfaces : &one_surface,
+                             .surfaces = d->surfaces ? d->surfaces : &one_surface, .channels = d->channels,
                              .n_samples = d->samples > 1 ? 5 : 1, .samples = d->samples > 1 ? several : one,
                              .forward = d->forward, .emit = keep, .user = p, .pool = d->pool};
   p->width = d->width, p->height = d->height;
@@ -318,6 +319,75 @@ static tc_mesh *soup(int n) {
     }
   }
   return m;
+}
+
+/* A quadrilateral in perspective, whose colour along x is linear in space, not on the picture; and what is looked up. */
+TEST(colours_of_vertices_are_looked_up_where_they_are_seen) {
+  picture *p = new_picture(), *q = new_picture();
+  float channels[256];
+  for (int i = 0; i < 256; i++) channels[i] = (float)i / 255;
+  for (int part = 0; part < 3; part++) { /* colours; a colour of its own; none */
+    tc_mesh *m = tc_mesh_new(4, 2, false, NULL);
+    static const float at[4][3] = {{-20, 0, 0}, {20, 0, 60}, {20, 30, 60}, {-20, 30, 0}};
+    static const uint32_t colors[4] = {0x0000ff, 0xff0000, 0xff00, 0xff};
+    memcpy(m->positions, at, sizeof at);
+    memcpy(m->triangles, (const uint32_t[2][3]){{0, 1, 2}, {0, 2, 3}}, 24);
+    if (part < 2) assert_true(tc_mesh_add_colors(m, NULL));
+    if (part < 2) memcpy(m->colors, colors, sizeof colors);
+    tc_clusters *c = cluster(m);
+    assert_true(c->parts[0].colored == (part < 2) && (c->colors != NULL) == (part < 2));
+    const tc_raster_surface surface = {.color = {1, 0.5f, 0.25f}, .opacity = 1, .colored = part == 0};
+    const drawing d = {.camera = {.projection = TC_PERSPECTIVE, .position = {0, 15, -60}, .target = {0, 15, 0}, .up = {0, -1, 0}, .fov_y_deg = 60},
+                       .width = 200, .height = 150, .isa = "scalar", .surfaces = &surface, .channels = part ? NULL : channels};
+    draw(c, &d, p);
+    assert_true(p->counts.shaded > 3000 && p->counts.colored == (part ? 0 : p->counts.shaded));
+    double worst = 0;
+    int seen = 0;
+    for (int i = 0; i < 200 * 150 && part == 0; i++) {
+      if (p->linear[i][3] < 1) continue;
+      const double scale = 75 / tan(M_PI / 6), u = (i % 200 - 99.5) / scale, v = (i / 200 - 74.5) / scale;
+      /* x = u (60 + z) on the plane z = 1.5 (x + 20); y below the axis of the view. */
+      const double x = 90 * u / (1 - 1.5 * u), y = 15 + v * (60 + 1.5 * (x + 20)), s = (x + 20) / 40, t = y / 30;
+      const double wanted[3] = {1 - s, s > t ? t : s, s > t ? s - t : 0};
+      for (int k = 0; k < 3; k++) worst = fmax(worst, fabs(wanted[k] - (double)p->linear[i][k]));
+      seen++;
+    }
+    printf("%d pixels, off by at most %.2e\n", seen, worst);
+    assert_true(part || (seen > 3000 && worst < 1e-5)); /* weights are of single precision, not of rounded corners */
+    for (int isa = 1; isa < 3; isa++) {
+      drawing same = d;
+      if (!runs(same.isa = isas[isa])) continue;
+      draw(c, &same, q);
+      assert_memory_equal(p->linear, q->linear, 200 * 150 * sizeof *p->linear);
+      assert_memory_equal(&p->counts, &q->counts, sizeof p->counts);
+    }
+    tc_clusters_free(c);
+  }
+  test_free(p), test_free(q);
+}
+
+/* Parts with and without: colours go with theirs, in whatever order they come, and when one is copied. */
+TEST(parts_keep_their_colours) {
+  for (int order = 0; order < 2; order++) {
+    tc_clusters *all = NULL;
+    for (int i = 0; i < 3; i++) {
+      tc_mesh *m = soup(500);
+      const tc_mesh_source of = {.kind = TC_SURFACE_OF_MESH, .serial = (uint64_t)i};
+      const bool colored = i % 2 == order;
+      if (colored) assert_true(tc_mesh_add_colors(m, NULL));
+      for (size_t v = 0; colored && v < m->n_vertices; v++) m->colors[v] = 0xabcd00 + (uint32_t)i;
+      assert_true(tc_clusters_add(&all, cluster(m), &of, NULL));
+    }
+    for (int i = 0; i < 3; i++) {
+      tc_clusters *one = tc_clusters_copy_part(all, (size_t)i, NULL);
+      assert_true(one->parts[0].colored == (i % 2 == order) && (one->colors != NULL) == (i % 2 == order));
+      for (size_t v = 0; one->colors && v < one->vertex_room; v++) assert_int_equal(one->colors[v], 0xabcd00 + i);
+      tc_clusters_free(one);
+    }
+    const size_t n = all->n * sizeof *all->clusters + all->vertex_room * 20 + 3 * all->triangle_room;
+    assert_int_equal(all->bytes, n);
+    tc_clusters_free(all);
+  }
 }
 
 TEST(every_instruction_set_and_any_threads_draw_the_same_bits) {

@@ -64,13 +64,14 @@ void tc_build_init(tc_build *b, const char *format, const tc_order *order) {
 void tc_build_clear(tc_build *b) {
   g_free(b->positions);
   g_free(b->normals);
+  g_free(b->colors);
   g_free(b->triangles);
   *b = (tc_build){0};
 }
 
 bool tc_build_grow(tc_build *b, void *array, size_t *room, size_t n, size_t item, GError **error) {
   if (n <= *room) return true;
-  const uint64_t bytes = (uint64_t)b->n_vertices * 24 + (uint64_t)b->n_triangles * 12, most = b->order->max_voxel_bytes;
+  const uint64_t bytes = (uint64_t)b->n_vertices * 24 + (uint64_t)b->n_colors * 4 + (uint64_t)b->n_triangles * 12, most = b->order->max_voxel_bytes;
   if (n > MOST_ITEMS || (most && bytes > most)) {
     tc_set_error(error, TC_ERROR_LIMIT, NULL, "the mesh has more than %zu %s, which is over the limit; simplify it first",
                  n - 1, array == (void *)&b->triangles ? "triangles" : "vertices");
@@ -132,6 +133,14 @@ bool tc_build_normal(tc_build *b, const double along[3], GError **error) {
   return true;
 }
 
+bool tc_build_color(tc_build *b, const double rgb[3], GError **error) {
+  if (!tc_build_grow(b, &b->colors, &b->color_room, b->n_colors + 1, sizeof *b->colors, error)) return false;
+  uint32_t color = 0;
+  for (int c = 0; c < 3; c++) color |= (uint32_t)lrint(255 * (rgb[c] > 0 ? fmin(rgb[c], 1) : 0)) << 8 * c;
+  b->colors[b->n_colors++] = color;
+  return true;
+}
+
 static bool same_place(const tc_build *b, uint32_t p, uint32_t q) {
   return p == q || memcmp(b->positions[p], b->positions[q], sizeof *b->positions) == 0;
 }
@@ -168,7 +177,8 @@ bool tc_build_send(tc_build *b, GError **error) {
   tc_mesh_head head = {.n_vertices = b->n_vertices,
                        .n_triangles = b->n_triangles,
                        .degenerate = b->degenerate,
-                       .normals = b->n_vertices > 0 && b->n_normals == b->n_vertices};
+                       .normals = b->n_vertices > 0 && b->n_normals == b->n_vertices,
+                       .colors = b->n_vertices > 0 && b->n_colors == b->n_vertices};
   if (!b->n_triangles) {
     tc_set_error(error, TC_ERROR_FORMAT, NULL, "the file holds no triangle%s",
                  b->degenerate ? " but degenerate ones" : "; save a surface, not points or lines");
@@ -179,6 +189,7 @@ bool tc_build_send(tc_build *b, GError **error) {
   return b->order->begin_mesh(b->order->user, &head, error) &&
          put(b, b->positions, b->n_vertices * sizeof *b->positions, error) &&
          (!head.normals || put(b, b->normals, b->n_vertices * sizeof *b->normals, error)) &&
+         (!head.colors || put(b, b->colors, b->n_vertices * sizeof *b->colors, error)) &&
          put(b, b->triangles, b->n_triangles * sizeof *b->triangles, error);
 }
 

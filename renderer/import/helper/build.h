@@ -21,8 +21,9 @@ typedef struct tc_build {
   bool ras;         /* the file's axes are right, anterior, superior: they are turned to LPS */
   double origin[3]; /* positions are relative to it */
   float (*positions)[3], (*normals)[3]; /* normals: of the first n_normals vertices */
+  uint32_t *colors;                     /* likewise, as tc_mesh has them */
   uint32_t (*triangles)[3];
-  size_t n_vertices, vertex_room, n_normals, normal_room, n_triangles, triangle_room;
+  size_t n_vertices, vertex_room, n_normals, normal_room, n_colors, color_room, n_triangles, triangle_room;
   uint64_t degenerate; /* triangles left out: two corners in one place */
 } tc_build;
 
@@ -39,10 +40,12 @@ bool tc_build_vertex(tc_build *build, const double at[3], GError **error);
 /* Any length but none or endless: becomes a unit vector; what has no length points up. */
 void tc_build_direction(const tc_build *build, const double along[3], float normal[3]);
 bool tc_build_normal(tc_build *build, const double along[3], GError **error);
+/* sRGB, 0 to 1; what is outside, or no number, is held there. */
+bool tc_build_color(tc_build *build, const double rgb[3], GError **error);
 /* A polygon of n corners as a fan; one of fewer than 3 is counted as degenerate. Corners are of the vertices there are. */
 bool tc_build_polygon(tc_build *build, const uint32_t *corners, size_t n, GError **error);
 
-/* Gives all to the order. TC_ERROR_FORMAT without a triangle. */
+/* Gives all to the order; normals and colours only where each vertex has them. TC_ERROR_FORMAT without a triangle. */
 bool tc_build_send(tc_build *build, GError **error);
 
 /* "SPACE=RAS" in what a header says, as some programs note. */

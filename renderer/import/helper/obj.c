@@ -1,4 +1,4 @@
-/* Wavefront OBJ: vertices, normals and faces. What else there is (textures, groups, materials, curves) is left out, and no
+/* Wavefront OBJ: vertices, with colours ("v x y z r g b", 0 to 1, as MeshLab and Blender write them), normals and faces. What else there is (textures, groups, materials, curves) is left out, and no
  * other file is opened. */
 #include <string.h>
 
@@ -27,26 +27,26 @@ static bool bad(const obj *o, const char *what, GError **error) {
   return false;
 }
 
-static bool read_three(char *line, double to[3]) {
-  return tc_line_number(&line, &to[0]) && tc_line_number(&line, &to[1]) && tc_line_number(&line, &to[2]);
+static bool read_three(char **line, double to[3]) {
+  return tc_line_number(line, &to[0]) && tc_line_number(line, &to[1]) && tc_line_number(line, &to[2]);
 }
 
 static bool read_vertex(obj *o, char *line, GError **error) {
-  double at[3];
+  double at[3], rgb[3];
   tc_build *b = &o->build;
-  if (!read_three(line, at)) return bad(o, "a vertex wants three numbers", error);
+  if (!read_three(&line, at)) return bad(o, "a vertex wants three numbers", error);
   if (!tc_build_grow(b, &o->normal_of, &o->normal_of_room, b->n_vertices + 1, sizeof *o->normal_of, error)) return false;
   if (!tc_build_vertex(b, at, error)) {
     g_prefix_error(error, "line %zu: ", o->stream.line);
     return false;
   }
   o->normal_of[b->n_vertices - 1] = NONE;
-  return true;
+  return !read_three(&line, rgb) || tc_build_color(b, rgb, error);
 }
 
 static bool read_normal(obj *o, char *line, GError **error) {
   double along[3];
-  if (!read_three(line, along)) return bad(o, "a normal wants three numbers", error);
+  if (!read_three(&line, along)) return bad(o, "a normal wants three numbers", error);
   if (!tc_build_grow(&o->build, &o->normals, &o->normal_room, o->n_normals + 1, sizeof *o->normals, error)) return false;
   tc_build_direction(&o->build, along, o->normals[o->n_normals++]);
   return true;
@@ -135,7 +135,7 @@ static bool read_lines(obj *o, GError **error) {
 static bool place_extras(obj *o, GError **error) {
   tc_build *b = &o->build;
   const size_t own = b->n_vertices;
-  const bool normals = !o->bare && o->n_normals > 0;
+  const bool normals = !o->bare && o->n_normals > 0, colors = b->n_colors == own;
   for (size_t t = 0; t < b->n_triangles; t++)
     for (int c = 0; c < 3; c++)
       if (b->triangles[t][c] & EXTRA)
@@ -143,14 +143,17 @@ static bool place_extras(obj *o, GError **error) {
   if (!normals) return true;
   const size_t n = own + o->n_extras;
   if (!tc_build_grow(b, &b->positions, &b->vertex_room, n, sizeof *b->positions, error) ||
-      !tc_build_grow(b, &b->normals, &b->normal_room, n, sizeof *b->normals, error))
+      !tc_build_grow(b, &b->normals, &b->normal_room, n, sizeof *b->normals, error) ||
+      (colors && !tc_build_grow(b, &b->colors, &b->color_room, n, sizeof *b->colors, error)))
     return false;
   for (size_t i = 0; i < n; i++) {
     const uint32_t *extra = i < own ? NULL : o->extras[i - own], normal = extra ? extra[1] : o->normal_of[i];
     if (extra) memcpy(b->positions[i], b->positions[extra[0]], sizeof *b->positions);
+    if (extra && colors) b->colors[i] = b->colors[extra[0]];
     memcpy(b->normals[i], normal == NONE ? (const float[3]){0, 0, 1} : o->normals[normal], sizeof *b->normals);
   }
   b->n_vertices = b->n_normals = n;
+  if (colors) b->n_colors = n;
   return true;
 }
 

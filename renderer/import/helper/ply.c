@@ -1,4 +1,4 @@
-/* PLY, ASCII and binary of either byte order: vertices (x y z, nx ny nz) and faces; every other element and property is
+/* PLY, ASCII and binary of either byte order: vertices (x y z, nx ny nz, red green blue) and faces; every other element and property is
  * left out. */
 #include <string.h>
 
@@ -10,7 +10,7 @@
 enum { MOST_ELEMENTS = 64, MOST_PROPERTIES = 256, MOST_LIST = 65536 };
 
 /* What a property is to a mesh. */
-typedef enum role { NOTHING, X, Y, Z, NX, NY, NZ, CORNERS, ROLES } role;
+typedef enum role { NOTHING, X, Y, Z, NX, NY, NZ, RED, GREEN, BLUE, CORNERS, ROLES } role;
 
 typedef struct property {
   bool list;
@@ -31,7 +31,8 @@ typedef struct ply {
   GArray *elements;
   double of[ROLES]; /* of the row that was read last */
   GArray *corners;       /* uint32_t, likewise: vertices that there are */
-  bool has_normals;
+  bool has_normals, has_colors;
+  double brightest[3]; /* of a color's type */
 } ply;
 
 /* ---- header ---- */
@@ -58,9 +59,10 @@ static bool type_of(const char *name, tc_element *type) {
 }
 
 static role role_of(const element *e, const char *name, bool list) {
-  static const char *const names[] = {[X] = "x", [Y] = "y", [Z] = "z", [NX] = "nx", [NY] = "ny", [NZ] = "nz"};
+  static const char *const names[] = {[X] = "x", [Y] = "y", [Z] = "z", [NX] = "nx", [NY] = "ny", [NZ] = "nz",
+                                      [RED] = "red", [GREEN] = "green", [BLUE] = "blue"};
   if (list) return e->faces && (!strcmp(name, "vertex_indices") || !strcmp(name, "vertex_index")) ? CORNERS : NOTHING;
-  for (role r = X; e->vertices && r <= NZ; r++)
+  for (role r = X; e->vertices && r <= BLUE; r++)
     if (strcmp(name, names[r]) == 0) return r;
   return NOTHING;
 }
@@ -112,6 +114,32 @@ static bool has(const element *e, role r) {
   return false;
 }
 
+/* The number that stands for 1 in a colour of this type; 0: none does. */
+static double brightest_of(tc_element type) {
+  switch (type) {
+  case TC_ELEMENT_U8: return 255;
+  case TC_ELEMENT_U16: return 65535;
+  case TC_ELEMENT_F32:
+  case TC_ELEMENT_F64: return 1;
+  case TC_ELEMENT_I8:
+  case TC_ELEMENT_I16:
+  case TC_ELEMENT_I32:
+  case TC_ELEMENT_U32:
+  case TC_ELEMENT_I64:
+  case TC_ELEMENT_U64:
+  case TC_ELEMENT_COUNT: break;
+  }
+  return 0;
+}
+
+static void find_colors(ply *p, const element *e) {
+  for (guint i = 0; i < e->properties->len; i++) {
+    const property *it = &g_array_index(e->properties, property, i);
+    if (it->role >= RED && it->role <= BLUE) p->brightest[it->role - RED] = brightest_of(it->type);
+  }
+  p->has_colors = p->brightest[0] > 0 && p->brightest[1] > 0 && p->brightest[2] > 0;
+}
+
 static bool check_header(ply *p, bool ended, GError **error) {
   bool seen = false;
   if (!ended) return bad(p, error, "the header has no end_header; the file is cut short");
@@ -122,7 +150,7 @@ static bool check_header(ply *p, bool ended, GError **error) {
     if (e->faces && (!seen || !has(e, CORNERS)))
       return bad(p, error, "faces want vertex_indices, and vertices before them");
     seen |= e->vertices;
-    if (e->vertices) p->has_normals = has(e, NX) && has(e, NY) && has(e, NZ);
+    if (e->vertices) p->has_normals = has(e, NX) && has(e, NY) && has(e, NZ), find_colors(p, e);
   }
   return true;
 }
@@ -217,7 +245,11 @@ static bool read_row(ply *p, const element *e, GError **error) {
 }
 
 static bool take_vertex(ply *p, GError **error) {
-  return tc_build_vertex(&p->build, &p->of[X], error) && (!p->has_normals || tc_build_normal(&p->build, &p->of[NX], error));
+  double rgb[3];
+  for (int c = 0; c < 3 && p->has_colors; c++) rgb[c] = p->of[RED + c] / p->brightest[c];
+  return tc_build_vertex(&p->build, &p->of[X], error) &&
+         (!p->has_normals || tc_build_normal(&p->build, &p->of[NX], error)) &&
+         (!p->has_colors || tc_build_color(&p->build, rgb, error));
 }
 
 static bool take_face(ply *p, GError **error) {

@@ -113,6 +113,7 @@ bool tc_wire_send_mesh(int fd, const tc_mesh_head *head) {
   put_f64(&at, (double)head->n_triangles);
   put_f64(&at, (double)head->degenerate);
   put_u32(&at, head->normals);
+  put_u32(&at, head->colors);
   put_text(&at, head->format, sizeof head->format);
   return send_message(fd, TC_WIRE_MESH, body, sizeof body);
 }

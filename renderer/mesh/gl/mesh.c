@@ -22,13 +22,14 @@ typedef struct mesh_block {
   float down[4], depth[4], window[4];
   float planes[12][4], offsets[TC_RASTER_SAMPLES][4];
   float centre[2], reference, scale, inverse_scale;
-  int32_t perspective, n_planes, n_samples, n_clusters, normals, several;
+  int32_t perspective, n_planes, n_samples, n_clusters, normals, several, colors;
+  float channels[256];
 } mesh_block;
 
 /* Surface of mesh_shade.glsl, std430. */
 typedef struct gl_surface {
   float color[4], glow[2][4], factor[2], least, specular, shininess;
-  int32_t shaded, n_lights, unused;
+  int32_t shaded, n_lights, colored;
   float lights[TC_MAX_LIGHTS][2][4];
 } gl_surface;
 
@@ -47,21 +48,22 @@ typedef struct drawing {
   unsigned vertices, target, ids[2], depths[3], buffers[3];
 } drawing;
 
-/* ---- the mesh in one buffer: indices, clusters, vertices ----
+/* ---- the mesh in one buffer: indices, clusters and, of a mesh that has some, colours of corners, vertices ----
  *
  * Vertex t is the last of triangle t, so that its number tells the triangle: of a primitive's own number drivers in
  * software make each triangle apart. A mesh has about half as many vertices as triangles; others are copies, and the few
  * that no triangle has last come after all of those. */
 
 typedef struct mesh_layout {
-  size_t clusters, vertices;
+  size_t clusters, colors, vertices;
 } mesh_layout;
 
 static size_t aligned(size_t n) { return (n + ALIGN - 1) / ALIGN * ALIGN; }
 
 static mesh_layout lay_out(const tc_clusters *m) {
   mesh_layout l = {.clusters = aligned(12 * m->n_triangles + 12)};
-  l.vertices = l.clusters + aligned(8 * m->n + 8);
+  l.colors = l.clusters + aligned(8 * m->n + 8);
+  l.vertices = l.colors + (m->colors ? aligned(12 * m->n_triangles) : 0);
   return l;
 }
 
@@ -119,6 +121,16 @@ static void pack_cluster(const tc_clusters *m, const tc_cluster *k, uint32_t fir
   }
 }
 
+/* Of the corners of a cluster's triangles, in the order of its indices: one place for each, which a number less finds. */
+static void pack_colors(const tc_clusters *m, const tc_cluster *k, uint32_t *to) {
+  const size_t room = tc_cluster_padded(k->n_triangles);
+  const uint8_t *triangles = m->triangles + 3 * (size_t)k->triangle;
+  owners o;
+  find_owners(m, k, &o);
+  for (size_t t = 0; t < k->n_triangles; t++)
+    for (size_t c = 0; c < 3; c++) *to++ = m->colors[k->vertex + triangles[(o.last[t] + 1 + c) % 3 * room + t]];
+}
+
 static bool pack(const void *thing, void *bytes, const tc_halt *halt) {
   const tc_clusters *m = thing;
   const mesh_layout l = lay_out(m);
@@ -127,6 +139,7 @@ static bool pack(const void *thing, void *bytes, const tc_halt *halt) {
     const tc_cluster *k = &m->clusters[i];
     if (i % LOOK == LOOK - 1 && tc_halt_within(halt)) return false;
     pack_cluster(m, k, first, &other, bytes, (void *)((char *)bytes + l.vertices));
+    if (m->colors) pack_colors(m, k, (uint32_t *)(void *)((char *)bytes + l.colors) + 3 * (size_t)first);
     clusters[2 * i] = first, clusters[2 * i + 1] = k->part;
     first += k->n_triangles;
   }
@@ -157,7 +170,7 @@ static void set_window(const tc_mesh_view *v, const tc_clusters *mesh, float row
   copy_row(row, out);
 }
 
-static void set_block(drawing *d) {
+static void set_block(drawing *d, const mesh_layout *l) {
   const tc_mesh_view *v = &d->of.view;
   mesh_block *b = &d->block;
   copy_row(b->right, v->right), copy_row(b->down, v->down), copy_row(b->depth, v->depth);
@@ -171,6 +184,8 @@ static void set_block(drawing *d) {
       b->offsets[s][k] = fminf(fmaxf(offset, 0), TC_VIEW_SUBPIXEL - 1) / TC_VIEW_SUBPIXEL;
     }
   b->several = d->mesh->n_parts > 1;
+  b->colors = (int32_t)((l->colors - l->clusters) / 8);
+  if (d->of.raster.channels) memcpy(b->channels, d->of.raster.channels, sizeof b->channels);
   b->reference = (float)v->reference, b->scale = (float)v->scale, b->inverse_scale = (float)(1 / v->scale);
   b->centre[0] = (float)v->centre[0], b->centre[1] = (float)v->centre[1];
   b->perspective = v->perspective, b->n_clusters = (int32_t)d->mesh->n, b->normals = d->mesh->normals != NULL;
@@ -209,7 +224,7 @@ static void make_target(drawing *d, int side) {
 
 static gl_surface gl_surface_of(const tc_raster_surface *s, const tc_raster_look *look) {
   gl_surface to = {.least = look->least, .specular = look->specular, .shininess = look->shininess, .shaded = look->shaded,
-                   .n_lights = look->n_lights};
+                   .n_lights = look->n_lights, .colored = s->colored};
   memcpy(to.color, s->color, sizeof s->color), to.color[3] = s->opacity;
   memcpy(to.factor, look->factor, sizeof to.factor);
   for (int i = 0; i < 2; i++) memcpy(to.glow[i], look->glow[i], sizeof look->glow[i]);
@@ -387,7 +402,7 @@ static bool fits(const tc_clusters *mesh, const mesh_layout *l, GError **error) 
   GLint64 most = 0;
   glGetInteger64v(GL_MAX_SHADER_STORAGE_BLOCK_SIZE, &most);
   if (tc_gl_mesh_most_bytes) most = MIN(most, tc_gl_mesh_most_bytes);
-  const size_t vertices = 16 * (mesh->n_triangles + 1), largest = MAX(vertices, l->clusters);
+  const size_t vertices = 16 * (mesh->n_triangles + 1), largest = MAX(MAX(vertices, l->clusters), l->vertices - l->clusters);
   if (largest <= (size_t)most) return true;
   tc_set_error(error, TC_ERROR_LIMIT, "/mesh",
                "surface mesh: %.1f million triangles take %.0f MiB, a buffer of this OpenGL holds %.0f: show fewer surfaces, "
@@ -405,7 +420,7 @@ static bool draw_frame(drawing *d, GError **error) {
   d->buffer = tc_gl_textures_packed(d->gl->textures, &packing, d->mesh->serial, volume, job->halt, error);
   if (!d->buffer) return false;
   d->translucent = passes(job->scene) > 2;
-  set_block(d);
+  set_block(d, &l);
   look_at_clusters(d);
   make_vertices(d, &l);
   make_target(d, d->progress->side);

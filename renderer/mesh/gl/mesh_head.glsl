@@ -8,4 +8,6 @@ layout(std140, binding = 1) uniform Mesh {
   float reference, scale, inverse_scale;
   int perspective, n_planes, n_samples, n_clusters;
   int normals, several; // bool; several: surfaces
+  int colors; // in pairs, where they begin behind the clusters (mesh_shade.glsl)
+  vec4 channels[64]; // of the compositing space, for each number of a vertex colour's channel
 } mesh;

@@ -2,14 +2,14 @@
 layout(binding = 0) uniform usampler2DArray triangles; // a layer for each sample; 0xffffffff: nothing
 layout(std430, binding = 4) readonly buffer Vertices { uvec4 vertices[]; }; // bits of x, y, z; normal
 layout(std430, binding = 5) readonly buffer Indices { uint indices[]; };
-layout(std430, binding = 6) readonly buffer Clusters { uvec2 clusters[]; }; // first triangle; surface
+layout(std430, binding = 6) readonly buffer Clusters { uvec2 clusters[]; }; // first triangle; surface; behind them colours of corners
 struct Light { vec4 to, color; }; // along right, down, forward; w: whether it is at the camera
 struct Surface { // raster.h
   vec4 color; // compositing space, opacity
   vec4 glow[2];
   vec2 factor;
   float least, specular, shininess;
-  int shaded, n_lights, unused;
+  int shaded, n_lights, colored;
   Light lights[8];
 };
 layout(std430, binding = 7) readonly buffer Surfaces { Surface surfaces[]; };
@@ -48,7 +48,13 @@ uint surface_of(uint triangle) {
   return mesh.several != 0 ? clusters[lo].y : 0u;
 }
 
-vec3 light_on(vec3 n, vec3 eye, uint s) {
+vec3 channels(uint triangle, uint corner) {
+  uint at = 3u * triangle + corner;
+  uvec3 of = uvec3(clusters[uint(mesh.colors) + at / 2u][at & 1u]) >> uvec3(0u, 8u, 16u) & 255u;
+  return vec3(mesh.channels[of.x / 4u][of.x & 3u], mesh.channels[of.y / 4u][of.y & 3u], mesh.channels[of.z / 4u][of.z & 3u]);
+}
+
+vec3 light_on(vec3 n, vec3 eye, vec3 color, uint s) {
   float facing = dot(n, eye), turn = facing < 0.0 ? -1.0 : 1.0;
   vec3 q = vec3(0.0), glint = vec3(0.0);
   for (int i = 0; i < surfaces[s].n_lights; i++) {
@@ -63,7 +69,7 @@ vec3 light_on(vec3 n, vec3 eye, uint s) {
       glint += surfaces[s].lights[i].color.rgb * (surfaces[s].specular * exp2(surfaces[s].shininess * log2(clamp(mirror, 1e-30, 1.0))));
     q += surfaces[s].lights[i].color.rgb * max(lit, surfaces[s].least);
   }
-  return clamp(surfaces[s].color.rgb * (surfaces[s].factor.x + surfaces[s].factor.y * q) +
+  return clamp(color * (surfaces[s].factor.x + surfaces[s].factor.y * q) +
                (surfaces[s].glow[0].rgb + surfaces[s].glow[1].rgb * q) + glint, 0.0, 1.0);
 }
 
@@ -84,10 +90,13 @@ vec3 shade(uint triangle, vec2 at, out float distance) {
   float b = held(dot(from, side) * inverse, 1.0), c = held(dot(ray, other) * inverse, 1.0 - b);
   distance = (p[0].z + mesh.reference + (b * ab.z + c * ac.z)) * length(ray);
   uint s = surface_of(triangle);
+  vec3 color = surfaces[s].color.rgb;
+  if (surfaces[s].colored != 0)
+    color = min((1.0 - b - c) * channels(triangle, 0u) + b * channels(triangle, 1u) + c * channels(triangle, 2u), 1.0);
   if (surfaces[s].shaded == 0)
-    return surfaces[s].color.rgb;
+    return color;
   vec3 n = mesh.normals != 0 ? turned((1.0 - b - c) * normal(v[0]) + b * normal(v[1]) + c * normal(v[2])) : cross(ab, ac);
-  return light_on(n / max(length(n), 1e-20), -ray / length(ray), s);
+  return light_on(n / max(length(n), 1e-20), -ray / length(ray), color, s);
 }
 
 uint seen(ivec2 place, int s) { return texelFetch(triangles, ivec3(place, s), 0).r; }
