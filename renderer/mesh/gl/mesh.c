@@ -14,7 +14,7 @@
 #define HARDWARE_NS 4
 #define SOFTWARE_SAMPLES (1 << 19) /* take some 10 ms to shade */
 #define LOOK 1024      /* clusters between two looks at the halt */
-#define LAYER 6        /* numbers a pixel of what layers gave (mesh_shade.glsl) */
+#define LAYER 5        /* numbers a pixel of what layers gave (mesh_shade.glsl), and one for each of its samples */
 
 /* The uniform block of mesh_head.glsl, std140. */
 typedef struct mesh_block {
@@ -240,7 +240,8 @@ static void make_buffers(drawing *d) {
   const size_t n = d->mesh->n_parts;
   gl_surface *surfaces = g_new0(gl_surface, n + 1);
   for (size_t i = 0; i < n; i++) surfaces[i] = gl_surface_of(&d->of.surfaces[i], &d->of.looks[d->of.surfaces[i].look]);
-  const size_t layers = d->translucent ? LAYER * (size_t)d->progress->side * (size_t)d->progress->side : LAYER;
+  const size_t pixels = d->translucent ? (size_t)d->progress->side * (size_t)d->progress->side : 1;
+  const size_t layers = pixels * (LAYER + (size_t)d->block.n_samples);
   glCreateBuffers(3, d->buffers);
   glNamedBufferStorage(d->buffers[2], (GLsizeiptr)(layers * sizeof(float)), NULL, 0);
   glNamedBufferStorage(d->buffers[0], sizeof d->block, &d->block, 0);
@@ -396,6 +397,7 @@ static int passes(const tc_scene *scene) {
 }
 
 int64_t tc_gl_mesh_most_bytes;
+bool tc_gl_mesh_peels_in_software;
 
 /* Whether shaders can read each part of it. */
 static bool fits(const tc_clusters *mesh, const mesh_layout *l, GError **error) {
@@ -485,11 +487,12 @@ static void warm(const tc_gl_frame *gl, int n_passes) {
   glDeleteBuffers(1, &buffer.buffer);
 }
 
-/* A triangle that is another layer in each sample would be shaded once a layer, not once a pixel. */
-static const char *refuses(const tc_scene *scene) {
+/* In software a peel of the head's skin and bone takes 500 times as long as the cpu's one pass. */
+static const char *refuses(const tc_scene *scene, bool hardware) {
   for (size_t i = 0; i < scene->mesh.n_surfaces; i++)
     if (scene->mesh.surfaces[i].source == TC_SURFACE_OF_PLANE) return "a plane's greys are looked up there";
-  return passes(scene) > 2 && scene->sampling.rays_per_pixel > 1 ? "translucent layers of several samples are shaded there" : NULL;
+  const bool slow = passes(scene) > 2 && !hardware && !tc_gl_mesh_peels_in_software;
+  return slow ? "OpenGL in software would draw the mesh anew for each translucent layer" : NULL;
 }
 
 const tc_gl_drawer tc_gl_mesh_drawer = {.passes = passes, .refuses = refuses, .draw = draw, .warm = warm};

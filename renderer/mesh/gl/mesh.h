@@ -2,9 +2,10 @@
  * cpu's rasteriser does (mesh/raster.h).
  *
  * A tile is drawn once for each sample of a pixel, moved by the sample's place: samples lie exactly where the cpu has
- * them. Clusters outside the tile or facing away are not drawn. Translucent surfaces (of one sample a pixel) are peeled, layer
- * by layer until there is none, and added up nearest first. Pictures differ from the cpu's where rounding decides:
- * which of two triangles a sample on their edge belongs to, and which of two that lie at one depth is nearer. */
+ * them. Clusters outside the tile or facing away are not drawn. Translucent surfaces are peeled, layer by layer until there
+ * is none, and added up nearest first. Pictures differ from the cpu's where rounding decides: which of two triangles a sample
+ * on their edge belongs to, and which of two that lie at one depth is nearer. A triangle that is another layer in one sample
+ * of a pixel than in another is shaded once a layer, in the middle of those samples; by the cpu once, in the middle of all. */
 #ifndef TC_MESH_GL_MESH_H
 #define TC_MESH_GL_MESH_H
 
@@ -14,5 +15,8 @@ extern const tc_gl_drawer tc_gl_mesh_drawer;
 
 /* Bytes that a part of a mesh may have in a buffer, where the driver allows more; 0: what it allows. Tests set less. */
 extern int64_t tc_gl_mesh_most_bytes;
+
+/* Translucent layers are drawn by OpenGL in software too, where the cpu is far faster. Tests set it. */
+extern bool tc_gl_mesh_peels_in_software;
 
 #endif

@@ -13,7 +13,7 @@ struct Surface { // raster.h
   Light lights[8];
 };
 layout(std430, binding = 7) readonly buffer Surfaces { Surface surfaces[]; };
-// Of each pixel, of one sample, what translucent layers gave so far: colour and opacity, 1 / mm from the eye to the nearest, and
+// Of each pixel what translucent layers gave so far: colour and opacity, 1 / mm from the eye to the nearest, and of each sample
 // how much they cover of what is behind.
 layout(std430, binding = 8) buffer Layers { float layers[]; };
 layout(location = 1) uniform int phase; // 0: nothing is translucent; 1: one more layer; 2: what is opaque, behind all of them
@@ -108,10 +108,9 @@ void main() {
   if (any(greaterThanEqual(place, tile.zw)))
     return;
   uint at = uint(place.y * tile.z + place.x), cell = 2u * ((gl_WorkGroupID.y * gl_NumWorkGroups.x + gl_WorkGroupID.x) & 63u);
-  uint layer = 6u * at, shades = 0u;
+  uint layer = uint(5 + mesh.n_samples) * at, shades = 0u;
   vec4 sum = vec4(0.0);
   float nearest = uintBitsToFloat(0x7f800000u); // infinite
-  float left = phase == 0 ? 1.0 : 1.0 - layers[layer + 5u];
   for (int s = 0; s < mesh.n_samples; s++) {
     uint triangle = seen(place, s);
     bool before = triangle == NOTHING;
@@ -119,19 +118,18 @@ void main() {
       before = seen(place, i) == triangle;
     if (before)
       continue;
-    float n = 0.0, distance;
+    float n = 0.0, share = 0.0, distance, opacity = phase == 1 ? surfaces[surface_of(triangle)].color.a : 1.0;
     vec2 middle = vec2(0.0);
-    if (left < SEEN_THROUGH)
-      continue;
-    for (int i = s; i < mesh.n_samples; i++)
-      if (seen(place, i) == triangle)
-        n++, middle += mesh.offsets[i].xy;
-    float share = left * n / float(mesh.n_samples);
-    if (phase == 1) {
-      float opacity = surfaces[surface_of(triangle)].color.a;
-      layers[layer + 5u] = 1.0 - left * (1.0 - opacity);
-      share *= opacity;
+    for (int i = s; i < mesh.n_samples; i++) {
+      float left = phase == 0 ? 1.0 : 1.0 - layers[layer + 5u + uint(i)];
+      if (left < SEEN_THROUGH || seen(place, i) != triangle)
+        continue;
+      n++, share += left * opacity / float(mesh.n_samples), middle += mesh.offsets[i].xy;
+      if (phase == 1)
+        layers[layer + 5u + uint(i)] = 1.0 - left * (1.0 - opacity);
     }
+    if (n == 0.0)
+      continue;
     vec3 color = shade(triangle, vec2(tile.xy + place) + middle / n, distance);
     sum += share * vec4(color, 1.0);
     nearest = min(nearest, distance);

@@ -444,7 +444,7 @@ static bool ready(void *instance, const tc_frame_job *job) {
 
 static const char *refuses(void *instance, const tc_scene *scene) {
   const tc_gl_drawer *drawer = tc_gl_drawers[scene->mode];
-  return drawer ? drawer->refuses(scene) : "opengl has no program for this mode";
+  return drawer ? drawer->refuses(scene, tc_gl_context_about(((const gl_backend *)instance)->context)->hardware) : "opengl has no program for this mode";
 }
 
 const tc_backend_ops tc_gl_backend = {

@@ -22,7 +22,7 @@ typedef struct tc_gl_frame {
 typedef struct tc_gl_drawer {
   int (*passes)(const tc_scene *scene);
   int (*variant)(const tc_scene *scene, int pass); /* compose.h's number of a pass; NULL: its own */
-  const char *(*refuses)(const tc_scene *scene); /* why the cpu draws this scene instead, a clause; NULL: it does not */
+  const char *(*refuses)(const tc_scene *scene, bool hardware); /* why the cpu draws this scene instead, a clause; NULL: it does not */
   bool (*draw)(const tc_gl_frame *frame, GError **error); /* as render() of a back end; the context is current */
   /* Runs the passes on nothing, in the state that draw() runs them in, so that the driver compiles what it defers; on the
    * context's thread, of frame only programs, most and hardware. */

@@ -333,7 +333,7 @@ static void warm(const tc_gl_frame *gl, int n_passes) {
   glDeleteBuffers(N_BUFFERS, d.buffers);
 }
 
-static const char *refuses(const tc_scene *scene) { return NULL; }
+static const char *refuses(const tc_scene *scene, bool hardware) { return NULL; }
 
 static int passes(const tc_scene *scene) { return scene->splat.opaque ? 4 : 3; }
 
