@@ -304,24 +304,28 @@ void tc_tile_touch(tc_splat_tile *t, int x0, int y0, int x1, int y1) {
     for (int bx = x0 / TC_TILE_BLOCK; bx <= x1 / TC_TILE_BLOCK; bx++) t->stale[by][bx] = true;
 }
 
-/* Pixels of the tile beyond the picture are as far as any: they hide all. */
 static void find_farthest(tc_splat_tile *t, int bx, int by) {
-  float far = -INFINITY;
-  for (int y = by * TC_TILE_BLOCK; y < MIN((by + 1) * TC_TILE_BLOCK, t->height); y++)
-    for (int x = bx * TC_TILE_BLOCK; x < MIN((bx + 1) * TC_TILE_BLOCK, t->width); x++) {
-      const float z = t->depth[y * TC_TILE_STRIDE + x];
-      far = z > far ? z : far;
-    }
-  t->farthest[by][bx] = far;
+  float far[TC_TILE_BLOCK];
+  for (int x = 0; x < TC_TILE_BLOCK; x++) far[x] = -INFINITY;
+  for (int y = by * TC_TILE_BLOCK; y < (by + 1) * TC_TILE_BLOCK; y++) {
+    const float *row = t->depth + y * TC_TILE_STRIDE + bx * TC_TILE_BLOCK;
+    for (int x = 0; x < TC_TILE_BLOCK; x++) far[x] = row[x] > far[x] ? row[x] : far[x];
+  }
+  for (int x = 1; x < TC_TILE_BLOCK; x++) far[0] = far[x] > far[0] ? far[x] : far[0];
+  t->farthest[by][bx] = far[0];
   t->stale[by][bx] = false;
 }
 
-bool tc_tile_hides(tc_splat_tile *t, int x0, int y0, int x1, int y1, float z) {
-  for (int by = y0 / TC_TILE_BLOCK; by <= y1 / TC_TILE_BLOCK; by++)
-    for (int bx = x0 / TC_TILE_BLOCK; bx <= x1 / TC_TILE_BLOCK; bx++) {
+static void refresh(tc_splat_tile *t, const int box[4]) {
+  for (int by = box[1] / TC_TILE_BLOCK; by <= box[3] / TC_TILE_BLOCK; by++)
+    for (int bx = box[0] / TC_TILE_BLOCK; bx <= box[2] / TC_TILE_BLOCK; bx++)
       if (t->stale[by][bx]) find_farthest(t, bx, by);
+}
+
+bool tc_tile_hides(const tc_splat_tile *t, int x0, int y0, int x1, int y1, float z) {
+  for (int by = y0 / TC_TILE_BLOCK; by <= y1 / TC_TILE_BLOCK; by++)
+    for (int bx = x0 / TC_TILE_BLOCK; bx <= x1 / TC_TILE_BLOCK; bx++)
       if (z <= t->farthest[by][bx]) return false;
-    }
   return true;
 }
 
@@ -389,6 +393,7 @@ static bool pass(const drawing *d, tc_splat_tile *t, bool colors) {
     const tc_splat_entry *e = &d->entries[i];
     int box[4];
     if (!box_in_tile(e, t, box)) continue;
+    if (d->args.culling) refresh(t, box);
     if (d->args.culling && tc_tile_hides(t, box[0], box[1], box[2], box[3], e->near_mm - window)) continue;
     (colors ? d->kernels->colors : d->kernels->depths)(&d->args, e, t);
     if (t->left) return false;
@@ -397,10 +402,13 @@ static bool pass(const drawing *d, tc_splat_tile *t, bool colors) {
   return true;
 }
 
-static void clear_tile(tc_splat_tile *t, bool opaque) {
-  for (int i = 0; i < TC_TILE * TC_TILE_STRIDE; i++) t->depth[i] = opaque ? INFINITY : 1;
+/* Opaque: pixels beyond the picture hide all. */
+static void clear_tile(tc_splat_tile *t, const tc_splat_args *g) {
+  for (int y = 0; y < TC_TILE; y++)
+    for (int x = 0; x < TC_TILE_STRIDE; x++)
+      t->depth[y * TC_TILE_STRIDE + x] = !g->opaque ? 1 : x < t->width && y < t->height ? INFINITY : -INFINITY;
   t->touched[0] = t->touched[1] = TC_TILE, t->touched[2] = t->touched[3] = -1;
-  memset(t->sums, 0, sizeof t->sums);
+  memset(t->sums, 0, (g->opaque && !g->matter.of ? TC_SUM_COLOR : TC_SUMS) * sizeof *t->sums);
   t->left = false;
   for (int y = 0; y < TC_TILE_BLOCKS; y++)
     for (int x = 0; x < TC_TILE_BLOCKS; x++) t->stale[y][x] = true;
@@ -456,7 +464,7 @@ static void draw_tile(void *context, int index, int worker) {
   tc_splat_tile *t = d->tiles[worker];
   t->x0 = index % across * TC_TILE, t->y0 = index / across * TC_TILE;
   t->width = MIN(TC_TILE, f->width - t->x0), t->height = MIN(TC_TILE, f->height - t->y0);
-  clear_tile(t, d->args.opaque);
+  clear_tile(t, &d->args);
   float *out = d->out + (size_t)worker * TC_TILE * TC_TILE * 4;
   if (is_empty(d, t))
     memset(out, 0, TC_TILE * TC_TILE * 4 * sizeof *out);

@@ -8,7 +8,8 @@
 
 #define TC_TILE 64        /* pixels a side */
 #define TC_TILE_STRIDE 80 /* of a row: vectors reach over its end */
-#define TC_TILE_BLOCK 8   /* pixels a side of a block, whose greatest depth is kept for culling */
+#define TC_TILE_SHIFT 2   /* log2 of pixels a side of a block, whose greatest depth is kept for culling */
+#define TC_TILE_BLOCK (1 << TC_TILE_SHIFT)
 #define TC_TILE_BLOCKS (TC_TILE / TC_TILE_BLOCK)
 #define TC_WEIGHT_STEPS 1024
 #define TC_SPLAT_FLAT 0.4f /* thickness of a surface's kernel over its width, where voxels are large */
@@ -87,8 +88,8 @@ typedef struct tc_splat_kernels {
 
 extern const tc_splat_kernels tc_splat_scalar, tc_splat_avx2;
 
-/* Whether every pixel of a box (of the tile) already shows something nearer than z. */
-bool tc_tile_hides(tc_splat_tile *tile, int x0, int y0, int x1, int y1, float z);
+/* Whether every pixel of a box (of the tile) already shows something nearer than z, as far as `farthest` knows. */
+bool tc_tile_hides(const tc_splat_tile *tile, int x0, int y0, int x1, int y1, float z);
 void tc_tile_touch(tc_splat_tile *tile, int x0, int y0, int x1, int y1); /* depths there have changed */
 
 #endif

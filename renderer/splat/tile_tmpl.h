@@ -22,9 +22,10 @@
 typedef struct batch {
   float x[V_LANES], y[V_LANES], z[V_LANES]; /* pixels of the tile, mm */
   float a[V_LANES], b[V_LANES], c[V_LANES]; /* q = a dx^2 + 2 b dx dy + c dy^2 */
-  float rx[V_LANES], ry[V_LANES];           /* half of the ellipse's box, pixels */
-  float own[V_LANES];   /* square of the kernel's area over the ellipse's, which is widened to the pixels' width */
-  float alive[V_LANES]; /* > 0: to be drawn; else only with culling off, and in vain */
+  float own[V_LANES];       /* square of the kernel's area over the ellipse's, which is widened to the pixels' width */
+  float box[4][V_LANES];    /* x0, y0, x1, y1: pixels whose centres the ellipse's box holds */
+  float normal[3][V_LANES]; /* where colours are put */
+  unsigned alive;           /* lanes to be drawn; with culling off those that are drawn in vain, too */
 } batch;
 
 static const float lane_numbers[16] = {0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12, 13, 14, 15};
@@ -73,15 +74,15 @@ V_INLINE void unfold(vi word, vf n[3]) {
   n[0] = n[0] * scale, n[1] = n[1] * scale, n[2] = z * scale;
 }
 
-/* A kernel's own shape: `axis` (index coordinates) is where it is `along` times as long as a ball, and across it `across`
- * times. */
+/* A kernel's own shape: `axis` (index coordinates) is where it is `along` times as long as a ball, and across it
+ * `across` times. */
 typedef struct shape {
   vf axis[3], along, across;
 } shape;
 
 /* A kernel beside a surface is flat and touches the surface from within: outlines end there, and its depth is the
- * surface's. One of a thin voxel stays: a sheet's is as thick as the sheet, a line's follows the line, so that voxels that
- * touch by a corner are drawn as one. */
+ * surface's. One of a thin voxel stays: a sheet's is as thick as the sheet, a line's follows the line, so that voxels
+ * that touch by a corner are drawn as one. */
 V_INLINE shape shape_of(const tc_splat_args *g, const uint8_t *insets, vi word, vf at[3]) {
   const vf zero = v_set(0), one = v_set(1);
   vf n[3];
@@ -114,14 +115,27 @@ V_INLINE shape shape_of(const tc_splat_args *g, const uint8_t *insets, vi word, 
 
 /* A row of the Jacobian, of the ball that the kernel is made of. */
 V_INLINE void stretch(const shape *s, vf row[3]) {
-  const vf more =
-      (s->along - s->across) * v_fma(row[2], s->axis[2], v_fma(row[1], s->axis[1], row[0] * s->axis[0]));
+  const vf more = (s->along - s->across) * v_fma(row[2], s->axis[2], v_fma(row[1], s->axis[1], row[0] * s->axis[0]));
   for (int k = 0; k < 3; k++) row[k] = v_fma(more, s->axis[k], row[k] * s->across);
 }
 
-/* False: none of them meets the tile. */
+V_INLINE vf whole(vf a) { return v_float(v_trunc(a)); }
+
+/* Numbers of the pixels whose centres lie within `r` of `at`; returns where there are any. */
+V_INLINE vm set_reach(vf at, vf r, int size, float lo[V_LANES], float hi[V_LANES]) {
+  const vf zero = v_set(0), one = v_set(1), half = v_set(0.5f);
+  vf from = whole(v_min(v_max(at - r + half, zero), v_set(TC_TILE))); /* + 1 truncated is rounding up */
+  vf end = v_max(v_min(at + r - half, v_set((float)(size - 1))), zero - one), to = whole(end);
+  to = to - v_select(v_lt(end, to), one, zero);
+  vm any = v_le(from, to);
+  v_store(lo, v_select(any, from, zero)), v_store(hi, v_select(any, to, zero));
+  return any;
+}
+
+/* Of ellipses `part` times as wide. False: none of them meets the tile. */
 V_INLINE bool project(const tc_splat_args *g, const tc_splat_entry *e, const tc_splat_tile *t, uint32_t first,
-                      uint32_t count, batch *out) {
+                      float part, batch *out) {
+  const uint32_t count = e->of->bricks[e->brick + 1].first - first;
   vi word = v_bits(v_load((const float *)(const void *)(e->of->words + first)));
   vf d[3] = {v_float(nibble(word, 0)), v_float(nibble(word, 4)), v_float(nibble(word, 8))};
   vi faces = v_andi(v_sra(word, 12), e->mixed ? seen_faces(e, d) : v_seti(e->seen));
@@ -134,6 +148,7 @@ V_INLINE bool project(const tc_splat_args *g, const tc_splat_entry *e, const tc_
   vm inside = m_and(v_lt(v_load(lane_numbers), v_set((float)count)), v_lt(v_set(g->near_mm), z));
   vm alive = g->opaque ? m_and(inside, v_lt(v_set(0), v_float(v_andi(faces, v_seti(63))))) : inside;
   if (e->clipped) alive = kept_by_planes(g, e, d, alive);
+  if (g->culling && !m_any(alive)) return false;
   if (g->perspective) {
     vf inverse = v_set(1) / v_max(z, v_set(1e-20f));
     u = x * inverse, v = y * inverse, scale = scale * inverse;
@@ -161,29 +176,41 @@ V_INLINE bool project(const tc_splat_args *g, const tc_splat_entry *e, const tc_
   area = area * scale * scale, xx = xx * scale, yy = yy * scale, xy = xy * scale;
   vf inverse = v_set(1) / v_fma(least, xx + yy + least, area);
   xx = xx + least, yy = yy + least;
-  vf rx = v_sqrt(xx), ry = v_sqrt(yy);
-  vm meets = m_and(m_and(v_lt(v_set(0), x + rx), v_lt(x - rx, v_set((float)t->width))),
-                   m_and(v_lt(v_set(0), y + ry), v_lt(y - ry, v_set((float)t->height))));
-  meets = m_and(meets, g->culling ? alive : inside);
+  vm meets = m_and(set_reach(x, v_sqrt(xx) * v_set(part), t->width, out->box[0], out->box[2]),
+                   set_reach(y, v_sqrt(yy) * v_set(part), t->height, out->box[1], out->box[3]));
   v_store(out->x, x), v_store(out->y, y), v_store(out->z, v_select(alive, z, v_set(INFINITY)));
   v_store(out->a, yy * inverse), v_store(out->b, v_set(0) - xy * inverse), v_store(out->c, xx * inverse);
   v_store(out->own, area * inverse);
-  v_store(out->rx, rx), v_store(out->ry, ry);
-  v_store(out->alive, v_select(meets, v_set(1), v_set(0)));
-  return m_any(meets);
+  out->alive = m_bits(m_and(meets, g->culling ? alive : inside));
+  return out->alive != 0;
 }
 
 typedef struct reach {
   int x0, y0, x1, y1;
-} reach; /* pixels whose centres the box holds; none where x1 < x0 */
+} reach;
 
-V_INLINE reach reach_of(const batch *b, int i, const tc_splat_tile *t) {
-  float rx = b->rx[i], ry = b->ry[i];
-  float x0 = b->x[i] - rx + 0.5f, y0 = b->y[i] - ry + 0.5f; /* + 1 truncated is rounding up */
-  float x1 = b->x[i] + rx - 0.5f, y1 = b->y[i] + ry - 0.5f;
-  float last_x = (float)(t->width - 1), last_y = (float)(t->height - 1);
-  return (reach){x0 > 0 ? (int)x0 : 0, y0 > 0 ? (int)y0 : 0, (int)floorf(x1 < last_x ? x1 : last_x),
-                 (int)floorf(y1 < last_y ? y1 : last_y)};
+V_INLINE reach reach_of(const batch *b, int i) {
+  return (reach){(int)b->box[0][i], (int)b->box[1][i], (int)b->box[2][i], (int)b->box[3][i]};
+}
+
+/* Lanes that are not hidden by what is nearer than `window` before them. */
+V_INLINE unsigned shown(const tc_splat_args *g, const batch *b, const tc_splat_tile *t, float window) {
+  if (!g->culling) return b->alive;
+  vi at[4], across = v_seti(TC_TILE_BLOCKS), blocks[2];
+  for (int k = 0; k < 4; k++) at[k] = v_sra(v_trunc(v_load(b->box[k])), TC_TILE_SHIFT);
+  for (int k = 0; k < 2; k++) blocks[k] = v_subi(at[2 + k], at[k]);
+  const vf z = v_load(b->z) - v_set(window);
+  vf far = v_gather(t->farthest[0], v_addi(at[0], v_muli(at[1], across)));
+  for (int k = 1; k < 4; k++)
+    far = v_max(far, v_gather(t->farthest[0], v_addi(at[k & 1 ? 2 : 0], v_muli(at[k & 2 ? 3 : 1], across))));
+  unsigned left = b->alive & m_bits(v_le(z, far));
+  const vm wide = v_lt(v_set(1), v_float(v_ori(blocks[0], blocks[1]))); /* there are blocks between */
+  for (unsigned more = m_any(wide) ? b->alive & ~left & m_bits(wide) : 0; more; more &= more - 1) {
+    const int i = __builtin_ctz(more);
+    const reach r = reach_of(b, i);
+    if (!tc_tile_hides(t, r.x0, r.y0, r.x1, r.y1, b->z[i] - window)) left |= 1u << i;
+  }
+  return left;
 }
 
 /* Squares of distances over the kernel's, for the pixels from x on in a row. */
@@ -204,11 +231,10 @@ static void put_depths(const tc_splat_args *g, const tc_splat_entry *e, tc_splat
   batch b;
   for (uint32_t at = brick[0].first; at < brick[1].first; at += V_LANES) {
     if (leaves(g, brick, at, t)) return;
-    if (!project(g, e, t, at, brick[1].first - at, &b)) continue;
-    for (int i = 0; i < V_LANES; i++) {
-      if (!(b.alive[i] > 0)) continue;
-      b.rx[i] *= g->core_root, b.ry[i] *= g->core_root;
-      const reach r = reach_of(&b, i, t);
+    if (!project(g, e, t, at, g->core_root, &b)) continue;
+    for (unsigned left = shown(g, &b, t, 0); left; left &= left - 1) {
+      const int i = __builtin_ctz(left);
+      const reach r = reach_of(&b, i);
       const vf z = v_set(b.z[i]);
       t->depths++;
       for (int y = r.y0; y <= r.y1; y++)
@@ -245,34 +271,40 @@ V_INLINE void add_footprint(const tc_splat_args *g, const batch *b, int i, const
 V_INLINE void look_at_voxel(const tc_splat_args *g, const tc_splat_entry *e, uint32_t splat, float rgbk[4]) {
   const int16_t *at = e->of->bricks[e->brick].at;
   const uint32_t word = e->of->words[splat];
-  g->matter.of(g->matter.user,
-               (int[]){at[0] * 16 + (int)(word & 15), at[1] * 16 + (int)(word >> 4 & 15),
-                       at[2] * 16 + (int)(word >> 8 & 15)},
-               rgbk);
+  g->matter.of(
+      g->matter.user,
+      (int[]){at[0] * 16 + (int)(word & 15), at[1] * 16 + (int)(word >> 4 & 15), at[2] * 16 + (int)(word >> 8 & 15)},
+      rgbk);
 }
 
-/* The normal of a splat seen at a pixel: of a sheet's two sides the eye's, and across a line what is nearest to the eye. */
+V_INLINE bool is_thin(uint32_t word) { return (word >> 12 & word >> 13 & 0x15) != 0; }
+
+/* The normal of a splat seen at a pixel: of a sheet's two sides the eye's, and across a line what is nearest to the
+ * eye. */
 V_INLINE void normal_of(const tc_splat_args *g, const tc_splat_entry *e, uint32_t splat, float x, float y, float n[3]) {
   const uint32_t word = e->of->words[splat], what = e->of->insets[splat] >> 6;
   float eye[3], square = 0, away = 0;
   tc_octahedron_unfold(word >> 18 & 127, word >> 25, 63, n);
-  if (!(word >> 12 & word >> 13 & 0x15)) return;
+  if (!is_thin(word)) return;
   for (int k = 0; k < 3; k++) {
     eye[k] = -(g->direction0[k] + x * g->direction_du[k] + y * g->direction_dv[k]);
     away -= n[k] * eye[k];
   }
   for (int k = 0; k < 3; k++) {
-    if (what != TC_SPLAT_SHEET) n[k] = what == TC_SPLAT_DOT ? eye[k] : eye[k] + away * n[k];
-    else if (away > 0) n[k] = -n[k];
+    if (what != TC_SPLAT_SHEET)
+      n[k] = what == TC_SPLAT_DOT ? eye[k] : eye[k] + away * n[k];
+    else if (away > 0)
+      n[k] = -n[k];
     square += n[k] * n[k];
   }
   for (int k = 0; k < 3; k++) n[k] *= square > 0 ? 1 / sqrtf(square) : 0;
 }
 
 /* In 127ths; and colour. */
-V_INLINE void look_up(const tc_splat_args *g, const tc_splat_entry *e, uint32_t splat, float x, float y, int of[6]) {
-  float n[3], rgbk[4];
-  normal_of(g, e, splat, x, y, n);
+V_INLINE void look_up(const tc_splat_args *g, const tc_splat_entry *e, uint32_t splat, const batch *b, int i,
+                      const tc_splat_tile *t, int of[6]) {
+  float n[3] = {b->normal[0][i], b->normal[1][i], b->normal[2][i]}, rgbk[4];
+  if (is_thin(e->of->words[splat])) normal_of(g, e, splat, b->x[i] + (float)t->x0, b->y[i] + (float)t->y0, n);
   for (int k = 0; k < 3; k++) of[k] = (int)lrintf(n[k] * 127.f);
   if (!g->matter.of) return;
   look_at_voxel(g, e, splat, rgbk);
@@ -282,16 +314,19 @@ V_INLINE void look_up(const tc_splat_args *g, const tc_splat_entry *e, uint32_t 
 static void put_colors(const tc_splat_args *g, const tc_splat_entry *e, tc_splat_tile *t) {
   const tc_splat_brick *brick = &e->of->bricks[e->brick];
   batch b;
+  vf normal[3];
   for (uint32_t at = brick[0].first; at < brick[1].first; at += V_LANES) {
     if (leaves(g, brick, at, t)) return;
-    if (!project(g, e, t, at, brick[1].first - at, &b)) continue;
-    for (int i = 0; i < V_LANES; i++) {
-      if (!(b.alive[i] > 0)) continue;
-      const reach r = reach_of(&b, i, t);
-      if (r.x1 < r.x0 || r.y1 < r.y0) continue;
-      if (g->culling && tc_tile_hides(t, r.x0, r.y0, r.x1, r.y1, b.z[i] - g->window_mm)) continue;
+    if (!project(g, e, t, at, 1, &b)) continue;
+    unsigned left = shown(g, &b, t, g->window_mm);
+    if (!left) continue;
+    unfold(v_bits(v_load((const float *)(const void *)(e->of->words + at))), normal);
+    for (int k = 0; k < 3; k++) v_store(b.normal[k], normal[k]);
+    for (; left; left &= left - 1) {
+      const int i = __builtin_ctz(left);
+      const reach r = reach_of(&b, i);
       int of[6] = {0};
-      look_up(g, e, at + (uint32_t)i, b.x[i] + (float)t->x0, b.y[i] + (float)t->y0, of);
+      look_up(g, e, at + (uint32_t)i, &b, i, t, of);
       add_footprint(g, &b, i, &r, of, t);
       t->drawn++;
     }
@@ -382,7 +417,7 @@ static void look_up_matter(const tc_splat_args *g, const tc_splat_entry *e, uint
   for (int i = 0; i < V_LANES; i++) {
     float one[3] = {0};
     rgbk[i][3] = 0;
-    if (!(b->alive[i] * here[i] > 0) || b->z[i] == INFINITY) continue;
+    if (!(b->alive >> i & 1) || !(here[i] > 0) || b->z[i] == INFINITY) continue;
     look_at_voxel(g, e, first + (uint32_t)i, rgbk[i]);
     if (e->of->words[first + (uint32_t)i] >> 25 != 127)
       normal_of(g, e, first + (uint32_t)i, b->x[i] + (float)t->x0, b->y[i] + (float)t->y0, one);
@@ -405,13 +440,12 @@ static void put_sheet(const tc_splat_args *g, const tc_splat_entry *e, int axis,
   for (uint32_t first = brick[0].first; first < brick[1].first; first += V_LANES) {
     if (leaves(g, brick, first, t)) return;
     vm wanted = in_sheet(e, first, axis, at);
-    if (!m_any(wanted) || !project(g, e, t, first, brick[1].first - first, &b)) continue;
+    if (!m_any(wanted) || !project(g, e, t, first, 1, &b)) continue;
     v_store(here, v_select(wanted, v_set(1), v_set(0)));
     look_up_matter(g, e, first, &b, here, t, rgbk);
     for (int i = 0; i < V_LANES; i++) {
       if (!(rgbk[i][3] > 0)) continue;
-      const reach r = reach_of(&b, i, t);
-      if (r.x1 < r.x0 || r.y1 < r.y0) continue;
+      const reach r = reach_of(&b, i);
       add_matter(g, &b, i, &r, rgbk[i], t);
       t->drawn++;
     }
