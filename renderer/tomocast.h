@@ -95,6 +95,8 @@ typedef struct tc_render_request {
   bool want_linear;           /* fill frame->linear too */
   bool want_depth;            /* and frame->depth, in mode isosurface */
   const tc_interrupt *interrupt; /* ends the call with TC_ERROR_CANCELLED or TC_ERROR_PAUSED; may be NULL */
+  tc_explanation *explanation; /* says of a finished frame what was drawn and why, with the milliseconds and bytes of each
+                                  stage; may be NULL */
   tc_building *building;      /* shows other threads which resource is being built; may be NULL */
   /* Resumes a frame that ended with TC_ERROR_PAUSED. Volume, scene, request (but for the interrupt) and tc_frame have to be
    * the same. Finished pixels are kept, stats go on counting (a ray that is cast again counts again), and the picture equals
@@ -118,10 +120,9 @@ typedef struct tc_render_request {
 /* Renders one frame. request may be NULL. After a failure the frame's content is undefined (except for TC_ERROR_PAUSED, see
  * resume) and the renderer can be used on. A scene that asks for something not built is TC_ERROR_UNSUPPORTED with a pointer
  * to the member: never a wrong picture. A scene that still asks for a bound on error or time is refused: quality/quality.h
- * and quality/cost.h turn such a bound into sampling. *explanation, when not NULL, says what was drawn and why, with the
- * milliseconds and bytes of each stage. */
+ * and quality/cost.h turn such a bound into sampling. */
 bool tc_render(tc_renderer *renderer, tc_volume *volume, const tc_scene *scene, const tc_render_request *request,
-               tc_frame *frame, tc_explanation *explanation, GError **error);
+               tc_frame *frame, GError **error);
 
 /* Explains the frame that this renderer would draw with what is resident now, and draws nothing of the scene. While
  * explanation->object_measured is false, each call for a solid object spends about 5 ms on measuring this machine's speed.
@@ -132,6 +133,7 @@ bool tc_renderer_explain(tc_renderer *renderer, const tc_volume *volume, const t
 
 /* What a pixel of mode mesh shows. */
 typedef struct tc_pick {
+  double at[2];       /* the pixel, as for tc_renderer_pick(); given */
   bool found;
   double position[3]; /* LPS mm */
   double distance_mm; /* from the eye */
@@ -140,11 +142,11 @@ typedef struct tc_pick {
   uint32_t label;     /* the label whose surface this is; 0: not a label's surface */
 } tc_pick;
 
-/* Picks the surface at pixel position (x, y). Of the request labels, meshes, width and height are read, as for a frame.
+/* Picks the surface at pixel position pick->at (x, y: the centre of pixel i is i + 0.5). Of the request labels, meshes, width and height are read, as for a frame.
  * Reads the surfaces that a frame of the scene drew and builds none: TC_ERROR_BUSY where they are missing. Same thread rule
  * as tc_render(). */
 bool tc_renderer_pick(tc_renderer *renderer, const tc_volume *volume, const tc_scene *scene,
-                      const tc_render_request *request, double x, double y, tc_pick *pick, GError **error);
+                      const tc_render_request *request, tc_pick *pick, GError **error);
 
 /* Defaults derived from a volume's voxels. Plain values. */
 typedef struct tc_fit {

@@ -60,14 +60,16 @@ static void diagonal_zero(const tc_segments *axis, double step_mm, tc_v4 peak, t
   }
 }
 
-/* Elementary segments in both directions, and room for the suffixes of a block. */
+/* Elementary segments in both directions, room for the suffixes of a block, and where windows go: towards higher nodes
+ * and lower ones. */
 typedef struct lanes {
-  tc_v4 *ef, *eb, *sf, *sb;
+  tc_v4 *ef, *eb, *sf, *sb, *out_f, *out_b;
 } lanes;
 
-/* Windows `from` to `to` of width k, towards higher nodes (out_f) and lower ones (out_b). Blocks begin at multiples
+/* Windows `from` to `to` of width k. Blocks begin at multiples
  * of k, whatever range is asked for, so that a window is always the same product. */
-static void sliding_windows(const lanes *l, int k, int from, int to, tc_v4 peak, tc_v4 *out_f, tc_v4 *out_b) {
+static void sliding_windows(const lanes *l, int k, int from, int to, tc_v4 peak) {
+  tc_v4 *out_f = l->out_f, *out_b = l->out_b;
   for (int start = from - from % k; start <= to; start += k) {
     const tc_v4 *ef = l->ef + start, *eb = l->eb + start;
     int first = from > start ? from - start : 0, last = to - start < k ? to - start : k - 1;
@@ -117,8 +119,8 @@ static void build_diagonal(void *context, int index, int worker) {
   lanes l = {.ef = b->scratch + (size_t)worker * 4 * (size_t)m};
   l.eb = l.ef + m, l.sf = l.eb + m, l.sb = l.sf + m;
   tc_segments_integrate(b->axis, b->step_mm / k, from, to + k, l.ef, l.eb);
-  sliding_windows(&l, k, from, to, b->peak, b->zero + k * (ptrdiff_t)b->columns,
-                  b->zero - k * (ptrdiff_t)b->columns);
+  l.out_f = b->zero + k * (ptrdiff_t)b->columns, l.out_b = b->zero - k * (ptrdiff_t)b->columns;
+  sliding_windows(&l, k, from, to, b->peak);
 }
 
 /* ---- life ---- */
@@ -239,9 +241,10 @@ tc_table *tc_table_outline(const tc_table_params *params, const tc_halt *halt, G
   bool ok = (m && m->rows) || say_no_memory(params->n, error);
   if (ok) m->peak = brightest(params);
   for (int w = 0; ok && w <= params->n_subtables; w++) { /* w = 0: the table itself */
-    tc_subtable range = w ? params->subtables[w - 1] : (tc_subtable){.lo = params->voxel_lo, .hi = params->voxel_hi};
+    const tc_subtable *sub = w ? &params->subtables[w - 1] : NULL;
+    const double range[2] = {sub ? sub->lo : params->voxel_lo, sub ? sub->hi : params->voxel_hi};
     tc_segments *axis = &m->axes[w];
-    ok = tc_segments_make(axis, params, range.lo, range.hi, w ? TC_SUBTABLE_NODES : params->n, halt, error);
+    ok = tc_segments_make(axis, params, range, w ? TC_SUBTABLE_NODES : params->n, halt, error);
     tc_v4 *rows = m->rows + rows_start(&m->table, w);
     if (ok) {
       diagonal_zero(axis, params->step_mm, m->peak, rows);

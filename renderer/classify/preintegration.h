@@ -88,9 +88,8 @@ typedef struct tc_table_params {
  * bend at the foot of a dense rise, or end inside a peak of several colours). */
 void tc_table_choose(const tc_volume *volume, tc_table_params *p, bool *complete);
 
-/* The subtables of a table of n nodes; returns how many. */
-int tc_table_subtables(const tc_volume *volume, const tc_transfer_function *tf, int n, double voxel_lo, double voxel_hi,
-                   tc_subtable subtables[TC_MAX_SUBTABLES], bool *complete);
+/* Sets only the subtables, for a given p->n and range of nodes. */
+void tc_table_subtables(const tc_volume *volume, tc_table_params *p, bool *complete);
 
 /* Builds the table on the pool (NULL: on the calling thread). NULL with TC_ERROR_MEMORY. */
 tc_table *tc_table_build(const tc_table_params *params, tc_pool *pool, GError **error);

@@ -405,10 +405,10 @@ void tc_segments_ends(const tc_segments *s, double length_mm, float (*ends)[8]) 
 
 /* ---- life ---- */
 
-bool tc_segments_make(tc_segments *s, const tc_table_params *params, double lo, double hi, int count,
+bool tc_segments_make(tc_segments *s, const tc_table_params *params, const double range[2], int count,
                       const tc_halt *halt, GError **error) {
   const size_t stretches = (size_t)count + params->tf->count, quads = (size_t)count / 4 + 1;
-  *s = (tc_segments){.params = params, .lo = lo, .hi = hi, .count = count, .halt = halt};
+  *s = (tc_segments){.params = params, .lo = range[0], .hi = range[1], .count = count, .halt = halt};
   s->most_parts = (int)fmin(fmax(MOST_PIECES / (double)stretches, 1), MOST_PARTS);
   s->first = calloc((size_t)count + 1, sizeof *s->first);
   s->quads = aligned_alloc(16, quads * sizeof *s->quads);

@@ -31,8 +31,8 @@ typedef struct tc_segments {
   bool left;           /* interrupted by the halt */
 } tc_segments;
 
-/* Cuts the axis. False with TC_ERROR_MEMORY or the error of the halt (NULL: none); *s is still to be finished then. */
-bool tc_segments_make(tc_segments *s, const tc_table_params *params, double lo, double hi, int count,
+/* Cuts the axis, of range lo and hi. False with TC_ERROR_MEMORY or the error of the halt (NULL: none); *s is still to be finished then. */
+bool tc_segments_make(tc_segments *s, const tc_table_params *params, const double range[2], int count,
                       const tc_halt *halt, GError **error);
 void tc_segments_finish(tc_segments *s);
 size_t tc_segments_bytes(const tc_segments *s); /* memory held */

@@ -151,26 +151,24 @@ static void add_all_subtables(choice *z, int n, double lo, double hi) {
 }
 
 /* Has no edges if no subtable is wanted, or no memory. */
-static choice begin_subtables(const tc_volume *volume, const tc_transfer_function *tf, double lo, double hi,
-                           tc_subtable subtables[TC_MAX_SUBTABLES]) {
+static choice begin_subtables(const tc_volume *volume, tc_table_params *p) {
   const tc_volume_desc *d = tc_volume_describe(volume);
   const tc_volume_stats *s = tc_volume_statistics(volume);
-  double range = hi - lo;
-  choice z = {.subtables = subtables};
+  const double lo = p->voxel_lo, hi = p->voxel_hi, range = hi - lo;
+  choice z = {.subtables = p->subtables};
   /* No subtable is wanted if all voxels are equal, or the range is near the resolution of single precision. */
   bool wide = s->voxel_max > s->voxel_min && range > 1e-4 * fmax(fabs(lo), fabs(hi));
   if (wide && range < 1e30 && range > 1e-30)
-    find_edges(tf, d, d->type == TC_F32 ? TC_EDGE_SHARE * range : TC_EDGE_UNITS, &z.edges);
+    find_edges(p->tf, d, d->type == TC_F32 ? TC_EDGE_SHARE * range : TC_EDGE_UNITS, &z.edges);
   return z;
 }
 
-int tc_table_subtables(const tc_volume *volume, const tc_transfer_function *tf, int n, double voxel_lo, double voxel_hi,
-                   tc_subtable subtables[TC_MAX_SUBTABLES], bool *complete) {
-  choice z = begin_subtables(volume, tf, voxel_lo, voxel_hi, subtables);
-  add_all_subtables(&z, n, voxel_lo, voxel_hi);
+void tc_table_subtables(const tc_volume *volume, tc_table_params *p, bool *complete) {
+  choice z = begin_subtables(volume, p);
+  add_all_subtables(&z, p->n, p->voxel_lo, p->voxel_hi);
   free(z.edges.list);
+  p->n_subtables = z.count;
   *complete = z.complete;
-  return z.count;
 }
 
 /* The smallest distance of two different knots, in the volume's unit. */
@@ -204,7 +202,7 @@ static int nodes_for(const tc_volume *volume, tc_table_params *p) {
 
 void tc_table_choose(const tc_volume *volume, tc_table_params *p, bool *complete) {
   const int n = nodes_for(volume, p);
-  choice z = begin_subtables(volume, p->tf, p->voxel_lo, p->voxel_hi, p->subtables);
+  choice z = begin_subtables(volume, p);
   p->n = n;
   add_all_subtables(&z, n, p->voxel_lo, p->voxel_hi);
   /* If subtables are needed anyway, a smaller table may do as well; if more would be needed than allowed, take a larger

@@ -212,12 +212,12 @@ static int place_of(const tc_scene *scene, size_t part) {
   return -1;
 }
 
-bool tc_mesh_job_pick(const tc_frame_job *job, double x, double y, tc_pick *pick, GError **error) {
+bool tc_mesh_job_pick(const tc_frame_job *job, tc_pick *pick, GError **error) {
   tc_mesh_job m;
   tc_mesh_hit hit;
-  *pick = (tc_pick){.surface = -1, .value = NAN};
+  *pick = (tc_pick){.at = {pick->at[0], pick->at[1]}, .surface = -1, .value = NAN};
   if (!tc_mesh_job_begin(&m, job, error)) return false;
-  pick->found = tc_mesh_pick(job->have.mesh, &m.view, m.surfaces, LEAST_OPACITY, x, y, &hit);
+  pick->found = tc_mesh_pick(job->have.mesh, &m.view, m.surfaces, LEAST_OPACITY, pick->at, &hit);
   tc_mesh_job_end(&m);
   if (!pick->found) return true;
   const tc_mesh_source *of = &job->have.mesh->parts[hit.part].of;

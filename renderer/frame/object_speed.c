@@ -89,7 +89,7 @@ static bool draw_next(tc_object_speed *s, tc_renderer *renderer) {
   const int mode = s->drawn % TC_OBJECT_MODES;
   if (!s->volume && !begin(s)) return false;
   s->scene.mode = tc_object_mode_of((tc_object_mode)mode);
-  if (!tc_render(renderer, s->volume, &s->scene, NULL, &s->frame, NULL, NULL)) return false;
+  if (!tc_render(renderer, s->volume, &s->scene, NULL, &s->frame, NULL)) return false;
   if (s->drawn++ >= TC_OBJECT_MODES)
     s->factor[mode] = fmin(s->factor[mode], s->frame.stats.render_ms / (s->cost.ms[mode] * usual[mode]));
   return true;

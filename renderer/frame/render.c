@@ -228,7 +228,7 @@ bool tc_renderer_explain(tc_renderer *renderer, const tc_volume *volume, const t
 }
 
 bool tc_renderer_pick(tc_renderer *renderer, const tc_volume *volume, const tc_scene *scene,
-                      const tc_render_request *request, double x, double y, tc_pick *pick, GError **error) {
+                      const tc_render_request *request, tc_pick *pick, GError **error) {
   const int width = request->width ? request->width : scene->image.width;
   const int height = request->height ? request->height : scene->image.height;
   const tc_rays none = {0};
@@ -242,7 +242,7 @@ bool tc_renderer_pick(tc_renderer *renderer, const tc_volume *volume, const tc_s
     return false;
   collect(&d, NULL);
   if (d.job.have.mesh && (!tc_plan_has(&d.plan, TC_RESOURCE_LABELS) || d.job.have.labels))
-    return tc_mesh_job_pick(&d.job, x, y, pick, error);
+    return tc_mesh_job_pick(&d.job, pick, error);
   tc_set_error(error, TC_ERROR_BUSY, NULL, "the surfaces are not there: ask again when the session's frame is");
   return false;
 }
@@ -357,7 +357,7 @@ static bool check_request(tc_volume *volume, const tc_scene *scene, const tc_ren
 }
 
 bool tc_render(tc_renderer *renderer, tc_volume *volume, const tc_scene *scene, const tc_render_request *request,
-               tc_frame *frame, tc_explanation *explanation, GError **error) {
+               tc_frame *frame, GError **error) {
   static const tc_render_request none = {0};
   if (!request) request = &none;
   const int width = request->width ? request->width : scene->image.width;
@@ -381,7 +381,8 @@ bool tc_render(tc_renderer *renderer, tc_volume *volume, const tc_scene *scene, 
   tc_pool_watch(renderer->pool, &halt);
   bool done = render_frame(&d, request, &failure);
   tc_pool_watch(renderer->pool, NULL);
-  if (done && explanation) explain(&d, frame->stats.stand_in && d.ops == renderer->ops, explanation);
+  if (done && request->explanation)
+    explain(&d, frame->stats.stand_in && d.ops == renderer->ops, request->explanation);
   if (done && d.job.have.mesh && renderer->levels)
     tc_resources_refine(renderer->resources, TC_RESOURCE_MESH, d.job.have.mesh, !request->moving);
   progress->paused = g_error_matches(failure, TC_ERROR, TC_ERROR_PAUSED);

@@ -65,9 +65,9 @@ static bool in_cluster(const tc_clusters *m, const tc_cluster *c, const tc_mesh_
   return found;
 }
 
-bool tc_mesh_pick(const tc_clusters *mesh, const tc_mesh_view *view, const tc_raster_surface *surfaces, double least, double x,
-                  double y, tc_mesh_hit *hit) {
-  const ray r = ray_of(view, x, y);
+bool tc_mesh_pick(const tc_clusters *mesh, const tc_mesh_view *view, const tc_raster_surface *surfaces, double least,
+                  const double at[2], tc_mesh_hit *hit) {
+  const ray r = ray_of(view, at[0], at[1]);
   double nearest[2] = {INFINITY, INFINITY}; /* of what is looked through, and of the rest */
   size_t part[2] = {0, 0};
   for (size_t i = 0; i < mesh->n; i++) {

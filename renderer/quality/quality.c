@@ -388,7 +388,7 @@ static bool error_at(bench *b, double spacing, double *rms, GError **error) {
   tc_render_request request = {.width = b->width, .height = b->height, .want_linear = true, .interrupt = b->interrupt,
                                .labels = b->labels, .pixel_share = b->share};
   GError *failure = NULL;
-  while (!tc_render(b->renderer, b->volume, &b->scene, &request, &b->frame, NULL, &failure)) {
+  while (!tc_render(b->renderer, b->volume, &b->scene, &request, &b->frame, &failure)) {
     if (!g_error_matches(failure, TC_ERROR, TC_ERROR_PAUSED)) {
       g_propagate_error(error, failure);
       return false;

@@ -37,6 +37,7 @@ void tc_slice_rays(tc_rays *rays, const tc_volume *volume, const tc_scene *scene
   const double *spacing = tc_volume_describe(volume)->spacing;
   double least = fmin(spacing[0], fmin(spacing[1], spacing[2]));
   memset(rays, 0, sizeof *rays);
+  rays->width = width, rays->height = height;
   tc_slice_basis(scene, right, up, rays->view0);
   tc_volume_lps_to_index_matrix(volume, rays->to_index);
   tc_volume_index_box(volume, rays->lo, rays->hi);

@@ -66,6 +66,7 @@ void tc_rays_set_up(tc_rays *rays, const tc_volume *volume, const tc_scene *scen
   bounding_sphere(volume, center, &radius);
 
   memset(rays, 0, sizeof *rays);
+  rays->width = width, rays->height = height;
   tc_volume_lps_to_index_matrix(volume, rays->to_index);
   tc_volume_index_box(volume, rays->lo, rays->hi);
   rays->perspective = camera->projection == TC_PERSPECTIVE;

@@ -20,6 +20,7 @@
 #define TC_MAX_CLIP_PLANES 12 /* the six faces of a clip box, and six clip planes */
 
 typedef struct tc_rays {
+  int width, height; /* of the picture, pixels */
   double anchor0[3], anchor_du[3], anchor_dv[3];
   double view0[3], view_du[3], view_dv[3];
   double to_index[9]; /* row by row */

@@ -104,12 +104,13 @@ typedef struct chunk {
   int count;
 } chunk;
 
-static void add_box(const float low[3], float x, float y, float z, float size, float more, chunk *c) {
+/* A box at `offset` from a record's low corner. */
+static void add_box(const float low[3], const float offset[3], float size, float more, chunk *c) {
   float half = 0.5f * size;
   int i = c->count++;
-  c->at[0][i] = low[0] + x + half + 0.5f * more;
-  c->at[1][i] = low[1] + y + half;
-  c->at[2][i] = low[2] + z + half;
+  c->at[0][i] = low[0] + offset[0] + half + 0.5f * more;
+  c->at[1][i] = low[1] + offset[1] + half;
+  c->at[2][i] = low[2] + offset[2] + half;
   c->size[i] = size;
   c->more[i] = more;
 }
@@ -121,13 +122,13 @@ static void add_record(const projection *p, const tc_box *b, float fine, chunk *
   } runs[8] = {[2] = {1, 0}, [3] = {0, 1}, [4] = {2, 0}, [6] = {1, 1}, [7] = {0, 2}};
   float low[3];
   for (int k = 0; k < 3; k++) low[k] = (float)(b->at[k] - p->flat[k] - p->origin[k]);
-  if (!b->fine) add_box(low, 0, 0, 0, b->size, 0, c);
+  if (!b->fine) add_box(low, (float[]){0, 0, 0}, b->size, 0, c);
   for (int j = 0; j < TC_BOX_FINES * TC_BOX_FINES; j++) {
     uint32_t row = b->fine >> (TC_BOX_FINES * j) & 7;
     if (!row) continue;
     float y = fine * (float)(j % TC_BOX_FINES), z = fine * (float)(j / TC_BOX_FINES);
-    add_box(low, fine * runs[row].first, y, z, fine, fine * runs[row].more, c);
-    if (row == 5) add_box(low, 2 * fine, y, z, fine, 0, c); /* both ends, without the middle */
+    add_box(low, (float[]){fine * runs[row].first, y, z}, fine, fine * runs[row].more, c);
+    if (row == 5) add_box(low, (float[]){2 * fine, y, z}, fine, 0, c); /* both ends, without the middle */
   }
 }
 
@@ -245,8 +246,8 @@ static void choose_slots(tc_cover *c, const projection *p, const tc_rays *r, con
   c->view_depth = p->depth_mm;
 }
 
-bool tc_cover_fill(tc_cover *c, const tc_boxes *boxes, const tc_volume *volume, const tc_rays *rays, int width,
-                   int height, tc_pool *pool, GError **error) {
+bool tc_cover_fill(tc_cover *c, const tc_boxes *boxes, const tc_volume *volume, const tc_rays *rays,
+                   tc_pool *pool, GError **error) {
   cover_job job = {.cover = c, .boxes = boxes};
   if (!project(&job.p, rays, tc_volume_describe(volume)->dims)) {
     tc_set_error(error, TC_ERROR_INVALID, "/camera",
@@ -256,8 +257,8 @@ bool tc_cover_fill(tc_cover *c, const tc_boxes *boxes, const tc_volume *volume, 
   choose_slots(c, &job.p, rays, volume);
   size_t words = 0;
   for (c->shift = SMALL_CELL;; c->shift++) {
-    c->cells[0] = ((width - 1) >> c->shift) + 1;
-    c->cells[1] = ((height - 1) >> c->shift) + 1;
+    c->cells[0] = ((rays->width - 1) >> c->shift) + 1;
+    c->cells[1] = ((rays->height - 1) >> c->shift) + 1;
     words = (size_t)c->cells[0] * (size_t)c->cells[1] * (size_t)c->words;
     if (words <= MOST_WORDS) break;
   }
@@ -271,7 +272,7 @@ bool tc_cover_fill(tc_cover *c, const tc_boxes *boxes, const tc_volume *volume, 
     c->bits = malloc(c->capacity * sizeof *c->bits);
     if (!c->bits) {
       c->capacity = 0;
-      tc_set_error(error, TC_ERROR_MEMORY, NULL, "cover of %dx%d pixels: out of memory", width, height);
+      tc_set_error(error, TC_ERROR_MEMORY, NULL, "cover of %dx%d pixels: out of memory", rays->width, rays->height);
       return false;
     }
   }

@@ -28,8 +28,8 @@ typedef struct tc_cover {
 
 /* Fills *cover, which is zeroed before its first use; its memory is kept from frame to frame and grows as needed.
  * False with TC_ERROR_MEMORY, TC_ERROR_INVALID for a camera whose rays coincide, or the halt's error. */
-bool tc_cover_fill(tc_cover *cover, const tc_boxes *boxes, const tc_volume *volume, const tc_rays *rays, int width,
-                   int height, tc_pool *pool, GError **error);
+bool tc_cover_fill(tc_cover *cover, const tc_boxes *boxes, const tc_volume *volume, const tc_rays *rays,
+                   tc_pool *pool, GError **error);
 void tc_cover_finish(tc_cover *cover);
 
 #endif

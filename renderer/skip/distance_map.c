@@ -66,9 +66,9 @@ static void follow_row(uint8_t *p, int nx, int dir) {
   }
 }
 
-static bool sweep(uint8_t *distance, const int blocks[3], int from, int to, int dir, uint8_t *joined,
-                  const tc_halt *halt) {
-  int nx = blocks[0], ny = blocks[1], nz = blocks[2];
+static bool sweep(tc_distance_map *map, int from, int to, int dir, uint8_t *joined, const tc_halt *halt) {
+  uint8_t *distance = map->distance;
+  const int nx = map->blocks[0], ny = map->blocks[1], nz = map->blocks[2];
   for (int z = dir > 0 ? from : to; z >= from && z <= to; z += dir) {
     if (tc_halt_within(halt)) return false;
     for (int iy = 0; iy < ny; iy++) {
@@ -120,7 +120,7 @@ static bool fill_distances(const map_job *job, tc_distance_map *map, uint8_t *jo
   }
   map->swept = some && map->empty_share > 0 ? to - from + 1 : 0;
   for (int dir = 1; map->swept && dir >= -1; dir -= 2)
-    if (!sweep(map->distance, n, from, to, dir, joined, halt)) return false;
+    if (!sweep(map, from, to, dir, joined, halt)) return false;
   for (int z = 0; z < n[2]; z++) {
     const uint8_t *d = map->distance + (size_t)z * layer;
     uint8_t most = 0;

@@ -20,12 +20,12 @@ typedef struct pick {
   tc_vmd_subject *subject; /* NULL: kernels are balls */
 } pick;
 
-static void set_ray(pick *p, int width, int height, double x, double y) {
+static void set_ray(pick *p, const double at[2]) {
   tc_rays rays;
   double view[3], length = 0;
-  tc_rays_set_up(&rays, p->volume, p->scene, width, height);
+  tc_rays_set_up(&rays, p->volume, p->scene, p->scene->image.width, p->scene->image.height);
   for (int k = 0; k < 3; k++) {
-    view[k] = rays.view0[k] + x * rays.view_du[k] + y * rays.view_dv[k];
+    view[k] = rays.view0[k] + at[0] * rays.view_du[k] + at[1] * rays.view_dv[k];
     length += view[k] * view[k];
   }
   length = sqrt(length);
@@ -33,7 +33,7 @@ static void set_ray(pick *p, int width, int height, double x, double y) {
   for (int r = 0; r < 3; r++) {
     p->along[r] = 0;
     for (int k = 0; k < 3; k++) p->along[r] += rays.to_index[3 * r + k] * view[k] / length;
-    p->at[r] = rays.anchor0[r] + x * rays.anchor_du[r] + y * rays.anchor_dv[r] - eye * p->along[r];
+    p->at[r] = rays.anchor0[r] + at[0] * rays.anchor_du[r] + at[1] * rays.anchor_dv[r] - eye * p->along[r];
   }
   p->from = 0, p->to = 1e30;
   for (int k = 0; k < 3; k++) {
@@ -130,18 +130,18 @@ static void look_around(const pick *p, double t, tc_splat_hit *hit) {
       }
 }
 
-bool tc_splat_pick(const tc_volume *of, const tc_volume *labels, const tc_scene *scene, int width, int height, double x,
-                   double y, tc_splat_hit *hit) {
+bool tc_splat_pick(const tc_volume *of, const tc_volume *labels, const tc_scene *scene, const double at[2],
+                   tc_splat_hit *hit) {
   const tc_volume *volume = labels ? labels : of;
   const tc_splats none = {.bricks = &(tc_splat_brick){.first = 0}};
-  tc_frame frame = {.width = width, .height = height};
+  tc_frame frame = {.width = scene->image.width, .height = scene->image.height};
   const tc_splat_job job = {.volume = volume, .splats = &none, .scene = scene, .frame = &frame};
   pick p = {.volume = volume, .labels = labels != NULL, .scene = scene, .dims = tc_volume_describe(volume)->dims};
   *hit = (tc_splat_hit){.distance_mm = INFINITY};
   if (!tc_splat_frame_begin(&p.frame, &job, NULL)) return false;
   if (!labels && !tc_volume_sparse(volume))
     p.subject = tc_vmd_subject_new(volume, scene->splat.threshold[0], scene->splat.threshold[1]);
-  set_ray(&p, width, height, x, y);
+  set_ray(&p, at);
   const double voxels_a_mm = length3(p.along), step = 0.5 / voxels_a_mm;
   const double reach = (1 + (double)(p.frame.args.touch + p.frame.args.move)) / voxels_a_mm;
   /* What is found at a place may have something nearer beside it, a little further on. */

@@ -13,9 +13,9 @@ typedef struct tc_splat_hit {
 } tc_splat_hit;
 
 /* The nearest voxel of the object (volume within splat.threshold, or visible labels, where `labels` is not NULL) whose
- * kernel's core (splatter.h) covers pixel (x, y) of a picture of this size, and that clipping leaves. False: none.
+ * kernel's core (splatter.h) covers pixel position `at` of the scene's picture, and that clipping leaves. False: none.
  * Reads voxels along one ray. */
-bool tc_splat_pick(const tc_volume *volume, const tc_volume *labels, const tc_scene *scene, int width, int height,
-                   double x, double y, tc_splat_hit *hit);
+bool tc_splat_pick(const tc_volume *volume, const tc_volume *labels, const tc_scene *scene, const double at[2],
+                   tc_splat_hit *hit);
 
 #endif

@@ -240,9 +240,9 @@ static float random_unit(uint32_t *state) {
   return (float)(*state >> 8) / 16777216.0f;
 }
 
-static void branch(list *l, const float from[3], const float direction[3], float radius, float length, int depth,
-                   uint32_t *state) {
-  float p[3] = {from[0], from[1], from[2]}, d[3] = {direction[0], direction[1], direction[2]};
+/* start: a place and a direction. */
+static void branch(list *l, const float start[6], float radius, float length, int depth, uint32_t *state) {
+  float p[3] = {start[0], start[1], start[2]}, d[3] = {start[3], start[4], start[5]};
   int pieces = 5;
   for (int i = 0; i < pieces; i++) {
     float q[3], norm = 0;
@@ -263,9 +263,9 @@ static void branch(list *l, const float from[3], const float direction[3], float
   for (int k = 0; k < 3; k++) side[k] -= along * d[k], norm += side[k] * side[k];
   norm = 1 / sqrtf(norm + 1e-9f);
   for (int child = 0; child < 2; child++) {
-    float r = 0.84f * radius * cbrtf(child ? share : 1 - share), turn = (child ? 0.75f : -0.55f), e[3];
-    for (int k = 0; k < 3; k++) e[k] = d[k] + turn * side[k] * norm;
-    branch(l, p, e, r, length * (0.72f + 0.2f * random_unit(state)), depth - 1, state);
+    float r = 0.84f * radius * cbrtf(child ? share : 1 - share), turn = (child ? 0.75f : -0.55f), end[6];
+    for (int k = 0; k < 3; k++) end[k] = p[k], end[3 + k] = d[k] + turn * side[k] * norm;
+    branch(l, end, r, length * (0.72f + 0.2f * random_unit(state)), depth - 1, state);
   }
 }
 
@@ -274,7 +274,7 @@ tc_shape *tc_shapes_vessels(int *count) {
   uint32_t state = 20240607;
   const float roots[4][6] = {
       {-14, 4, -62, 0.1f, 0, 1}, {14, 4, -62, -0.1f, 0, 1}, {-6, 26, -62, 0.2f, 0.2f, 1}, {6, 26, -62, -0.2f, 0.2f, 1}};
-  for (int i = 0; i < 4; i++) branch(&l, roots[i], roots[i] + 3, i < 2 ? 3.2f : 2.2f, i < 2 ? 34 : 30, 6, &state);
+  for (int i = 0; i < 4; i++) branch(&l, roots[i], i < 2 ? 3.2f : 2.2f, i < 2 ? 34 : 30, 6, &state);
   ball(&l, 235, -20, -10, 12, 5.5f, 5, 6); /* an aneurysm to find */
   *count = l.count;
   return l.shapes;

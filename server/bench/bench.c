@@ -92,9 +92,9 @@ static bool make_scene(bench *b, GError **error) {
 /* ---- measuring ---- */
 
 static bool render(bench *b, row *r, const variant *v, bool want_linear, GError **error) {
-  tc_render_request request = {.want_linear = want_linear};
+  const tc_render_request request = {.want_linear = want_linear, .explanation = &r->plan};
   b->scene.skipping.mode = v->skipping ? TC_SKIPPING_AUTO : TC_SKIPPING_OFF;
-  return tc_render(r->renderer, b->volume, &b->scene, &request, &r->frame, &r->plan, error);
+  return tc_render(r->renderer, b->volume, &b->scene, &request, &r->frame, error);
 }
 
 /* A new transfer function each time (its last knot moves by a hair): tables, leaping and encoding are measured

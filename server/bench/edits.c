@@ -43,7 +43,7 @@ static bool measure(tc_renderer *renderer, tc_volume *volume, const tc_scene *sc
                         g_memdup2(scene->transfer_function.points, scene->transfer_function.count * sizeof(tc_knot)),
                         scene->transfer_function.count);
     change(&edited.transfer_function, i + 1);
-    good = tc_render(renderer, volume, &edited, NULL, &frame, NULL, error);
+    good = tc_render(renderer, volume, &edited, NULL, &frame, error);
     tables[i] = frame.stats.tables_ms;
     skips[i] = frame.stats.skip_ms;
     tc_scene_clear(&edited);

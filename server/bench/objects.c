@@ -25,7 +25,7 @@ static bool time_object(tcs_object *o, tc_renderer *renderer, tc_volume *volume,
   for (int i = 0; i <= runs && good; i++)
     for (int m = 0; m < TC_OBJECT_MODES && good; m++) {
       scene->mode = tc_object_mode_of((tc_object_mode)m);
-      good = tc_render(renderer, volume, scene, NULL, &frame, NULL, error);
+      good = tc_render(renderer, volume, scene, NULL, &frame, error);
       if (i == 0 || frame.stats.render_ms < o->ms[m]) o->ms[m] = i ? frame.stats.render_ms : INFINITY;
     }
   tc_frame_finish(&frame);
@@ -64,7 +64,7 @@ bool tcs_object_judge(tc_renderer *renderer, tc_volume *volume, const tc_scene *
   bool good = reference && tc_reference_image(reference, tc_renderer_about(renderer)->threads, truth, error);
   for (int m = 0; m < TC_OBJECT_MODES && good; m++) {
     own.mode = tc_object_mode_of((tc_object_mode)m);
-    good = tc_render(renderer, volume, &own, &request, &frame, NULL, error);
+    good = tc_render(renderer, volume, &own, &request, &frame, error);
     if (!good || tcs_compare(frame.linear, truth, side, side, &look, &o->off[m])) continue;
     tc_set_error(error, TC_ERROR_MEMORY, NULL, "comparing pictures: out of memory");
     good = false;

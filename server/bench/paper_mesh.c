@@ -104,7 +104,7 @@ static bool draw(const tcs_paper_run *run, tc_volume *volume, tc_scene *scene, d
       scene->mode = ways[w].mode;
       if (!renderers[w]) continue;
       const tc_render_request request = {.forward = ways[w].forward};
-      good = tc_render(renderers[w], volume, scene, &request, &frame, NULL, error);
+      good = tc_render(renderers[w], volume, scene, &request, &frame, error);
       if (i) d->ms[w] = fmin(d->ms[w], frame.stats.render_ms);
       take_in(d, &ways[w], &frame.stats);
     }

@@ -116,7 +116,7 @@ static bool measure_times(const tcs_paper_run *run, tc_volume *volume, const tc_
     for (int i = 0; i < 3 * (run->runs + 1) && good; i++) {
       scene.mode = i % 3 < 2 ? TC_MODE_SPLAT : TC_MODE_ISOSURFACE;
       scene.splat.culling = i % 3 == 1;
-      good = tc_render(renderer, volume, &scene, NULL, &frame, NULL, error);
+      good = tc_render(renderer, volume, &scene, NULL, &frame, error);
       if (i >= 3) least[i % 3] = fmin(least[i % 3], frame.stats.render_ms);
       if (i < 3) samples[i] += (double)frame.stats.samples / G_N_ELEMENTS(azimuths);
     }

@@ -180,7 +180,7 @@ static bool measure(tc_renderer *r, tc_volume *volume, cell *cells, int count, i
     for (int i = 0; i < count && good; i++) {
       GError *own = NULL;
       if (cells[i].why) continue;
-      if (tc_render(r, volume, &cells[i].scene, NULL, &frame, NULL, &own)) {
+      if (tc_render(r, volume, &cells[i].scene, NULL, &frame, &own)) {
         if (run >= 0) cells[i].ms[run] = frame.stats.render_ms;
       } else if (g_error_matches(own, TC_ERROR, TC_ERROR_UNSUPPORTED)) {
         cells[i].why = g_strdup(own->message);

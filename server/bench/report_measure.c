@@ -230,11 +230,12 @@ static bool render(tcs_report_bench *b, const tcs_setting *s, int side, bool com
                                      .height = side,
                                      .want_linear = compare,
                                      .interrupt = b->stop,
+                                     .explanation = plan,
                                      .table_size = s->table_size,
                                      .table_bits = s->table_bits};
   tcs_setting_apply(s, &b->scene->scene);
   return tc_render(b->renderers[s->backend], b->scene->volume, &b->scene->scene, &request,
-                   compare ? &b->small : &b->large, plan, error);
+                   compare ? &b->small : &b->large, error);
 }
 
 static bool judge(tcs_report_bench *b, const truth *t, tcs_report_row *row) {

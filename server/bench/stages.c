@@ -37,7 +37,7 @@ bool tcs_stages_measure(tc_renderer *renderer, tc_volume *volume, const tc_scene
   for (int round = 0; round < ROUNDS; round++)
     for (int i = 0; i < KERNELS && good; i++) {
       const tc_scene s = scene_up_to((tcs_stage)i, scene, nothing);
-      good = tc_render(renderer, volume, &s, NULL, &frame, NULL, error);
+      good = tc_render(renderer, volume, &s, NULL, &frame, error);
       least[i] = fmin(least[i], frame.stats.render_ms);
       stages->samples = (double)frame.stats.samples;
     }

@@ -74,11 +74,11 @@ static cJSON *measure(const measuring *m, const tc_scene *scene, tc_mesh *mesh, 
   double ms = INFINITY;
   bool good = true;
   for (int i = 0; i <= m->runs && good; i++) {
-    good = tc_render(m->renderer, m->volume, scene, &request, &frame, NULL, error);
+    good = tc_render(m->renderer, m->volume, scene, &request, &frame, error);
     if (i) ms = fmin(ms, frame.stats.render_ms);
   }
   request.width = request.height = m->side, request.want_depth = true;
-  good = good && tc_render(m->renderer, m->volume, scene, &request, &frame, NULL, error);
+  good = good && tc_render(m->renderer, m->volume, scene, &request, &frame, error);
   if (good) tcs_surface_compare(frame.depth, m->truth, m->side, &off);
   tc_frame_finish(&frame);
   if (!good) return NULL;

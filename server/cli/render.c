@@ -202,7 +202,7 @@ static bool print_ray(job *j, GError **error) {
       y >= s->image.height)
     return usage_error(j, error, "--ray %s: X,Y wanted, a pixel of the picture of %dx%d, 0,0 at the top left",
                        j->args.ray, s->image.width, s->image.height);
-  char *plain = tcs_ray_json(j->volume, j->labels, s, x, y, NULL, error);
+  char *plain = tcs_ray_json(j->volume, j->labels, s, (int[]){x, y}, NULL, error);
   if (!plain) return false;
   cJSON *json = cJSON_Parse(plain);
   char *text = cJSON_Print(json);
@@ -221,7 +221,7 @@ static bool time_frames(job *j, tc_quality_cost *cost, GError **error) {
   s.quality.max_ms = 0;
   for (int spacing = 4; spacing >= 1; spacing -= 3) {
     s.sampling.step = spacing / tc_quality_stretch(&s);
-    if (!tc_render(j->renderer, j->volume, &s, &small, &j->frame, NULL, error)) return false;
+    if (!tc_render(j->renderer, j->volume, &s, &small, &j->frame, error)) return false;
     tc_quality_cost_add(cost, &s, tc_estimate_pixels(j->volume, &s, small.width, small.height),
                         j->frame.stats.render_ms);
   }
@@ -288,8 +288,8 @@ static bool run(job *j, int argc, char **argv, GError **error) {
   if (j->args.ray) return tc_labels_check(j->volume, j->labels, &j->scene, error) && print_ray(j, error);
   if (!make_renderer(j, error)) return false;
   if (!choose_sampling(j, error)) return false;
-  const tc_render_request request = {.labels = j->labels, .meshes = j->meshes};
-  if (!tc_render(j->renderer, j->volume, &j->scene, &request, &j->frame, &j->plan, error)) return false;
+  const tc_render_request request = {.labels = j->labels, .meshes = j->meshes, .explanation = &j->plan};
+  if (!tc_render(j->renderer, j->volume, &j->scene, &request, &j->frame, error)) return false;
   if (!encode(j, error) || !write_file(j, error)) return false;
   if (j->args.timing) print_timing(j);
   return true;

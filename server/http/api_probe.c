@@ -84,7 +84,7 @@ static tc_reference *trace(probe *p, tc_reference_sample **samples, size_t *coun
 
 static void run_ray(tcs_work *work) {
   probe *p = (probe *)work;
-  work->text = tcs_ray_json(p->volume, p->labels, &p->scene, p->x, p->y, &work->cancel, &work->error);
+  work->text = tcs_ray_json(p->volume, p->labels, &p->scene, (int[]){p->x, p->y}, &work->cancel, &work->error);
 }
 
 /* The first piece behind which VISIBLE_OPACITY is reached; in thinner haze the first piece that shows at all. */
@@ -160,7 +160,7 @@ static cJSON *attributes_json(const tc_vmd *model, const int at[3]) {
 static cJSON *voxel_json(const probe *p) {
   tc_splat_hit hit;
   const tc_volume *labels = p->scene.labels.volume[0] ? p->labels : NULL;
-  if (!tc_splat_pick(p->volume, labels, &p->scene, p->scene.image.width, p->scene.image.height, p->x + 0.5, p->y + 0.5,
+  if (!tc_splat_pick(p->volume, labels, &p->scene, (double[]){p->x + 0.5, p->y + 0.5},
                      &hit))
     return pick_json(NULL);
   const tc_reference_sample sample = {.position = {hit.position[0], hit.position[1], hit.position[2]},

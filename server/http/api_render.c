@@ -63,7 +63,7 @@ static void finished_picture(tcs_job *job) {
 static void render(tcs_request *request, const tcs_entry *entry, const tc_scene *scene, const tcs_session *session) {
   GError *error = NULL;
   tc_volume *labels;
-  if (!tcs_scene_check(request->server, entry->volume, scene, session ? &session->scene : NULL, NULL, &labels,
+  if (!tcs_scene_check(request->server, entry->volume, scene, (tcs_scene_change){session ? &session->scene : NULL, NULL}, &labels,
                        &error)) {
     tcs_reply_error_in(request, error, session ? "" : "/scene");
     g_clear_error(&error);
@@ -294,6 +294,6 @@ void tcs_pick_surface(tcs_request *request, const tcs_session *session, const tc
   job->meshes = tcs_scene_meshes(session->server, &job->scene);
   job->width = at->width, job->height = at->height;
   job->pick_only = true;
-  job->pick_x = at->x + 0.5, job->pick_y = at->y + 0.5;
+  job->pick.at[0] = at->x + 0.5, job->pick.at[1] = at->y + 0.5;
   submit(request, job, session, finished_pick);
 }

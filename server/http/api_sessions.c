@@ -251,8 +251,7 @@ static void on_upgrade(void *user, struct MHD_Connection *connection, void *cont
   tcs_server *server = request->server;
   tcs_session *session = server->draining ? NULL : tcs_sessions_find(server->sessions, request->params[0]);
   const GByteArray *held = tcs_http_held(connection); /* the library was given none of it: extra is empty */
-  tcs_streams_open(tcs_http_streams(server->http), session, &request->caller, fd, handle, (const char *)held->data,
-                   held->len);
+  tcs_streams_open(tcs_http_streams(server->http), session, &request->caller, fd, handle, held);
   if (session) tcs_audit(server->access, &request->caller, "session.join", session->id, session->entry->id);
 }
 

@@ -37,16 +37,17 @@ static char *write_ray(const double rgba[4], const tc_reference_sample *samples,
   return g_string_free(text, FALSE);
 }
 
-char *tcs_ray_json(tc_volume *volume, tc_volume *labels, const tc_scene *scene, int x, int y, const atomic_bool *cancel,
-                   GError **error) {
+char *tcs_ray_json(tc_volume *volume, tc_volume *labels, const tc_scene *scene, const int pixel[2],
+                   const atomic_bool *cancel, GError **error) {
+  const double x = pixel[0] + 0.5, y = pixel[1] + 0.5;
   tc_reference *r =
       tc_reference_new_stoppable(volume, labels, scene, scene->image.width, scene->image.height, 0, cancel, error);
   if (!r) return NULL;
   tc_reference_sample *samples = NULL;
   size_t count = 0;
   double rgba[4];
-  tc_reference_ray(r, x + 0.5, y + 0.5, &samples, &count);
-  tc_reference_pixel(r, x + 0.5, y + 0.5, rgba);
+  tc_reference_ray(r, x, y, &samples, &count);
+  tc_reference_pixel(r, x, y, rgba);
   char *text = write_ray(rgba, samples, count, cancel);
   g_free(samples);
   tc_reference_free(r);

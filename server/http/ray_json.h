@@ -7,11 +7,11 @@
 #include "protocol/protocol.h"
 #include "renderer/volume/volume.h"
 
-/* What the reference integrator makes of the ray through the centre of pixel (x, y), as JSON text (g_malloc'ed):
+/* What the reference integrator makes of the ray through the centre of `pixel` (x, y), as JSON text (g_malloc'ed):
  * {"color", "opacity", "samples": [{"position", "depth", "length", "value", "color", "extinction", "transparency"}]},
  * front to back. Errors: those of the reference, for what it does not know; TC_ERROR_CANCELLED once *cancel (or NULL)
  * is true. labels: what the scene names, or NULL. Any thread; costs a millisecond or so, many knots more. */
-char *tcs_ray_json(tc_volume *volume, tc_volume *labels, const tc_scene *scene, int x, int y, const atomic_bool *cancel,
-                   GError **error);
+char *tcs_ray_json(tc_volume *volume, tc_volume *labels, const tc_scene *scene, const int pixel[2],
+                   const atomic_bool *cancel, GError **error);
 
 #endif

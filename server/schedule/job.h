@@ -26,8 +26,7 @@ struct tcs_job {
   tcs_task task;
   tcs_server *server;
   bool plan_only;                 /* a plan instead of a picture */
-  bool pick_only;                 /* what a pixel shows instead of a picture (mode mesh) */
-  double pick_x, pick_y;
+  bool pick_only;                 /* what pixel pick.at shows instead of a picture (mode mesh) */
   tc_volume *volume;              /* owned reference */
   tc_volume *labels;              /* owned reference, or NULL */
   struct tc_mesh **meshes;        /* [scene.mesh.n_surfaces] owned references, or NULLs; NULL: none */

@@ -339,10 +339,10 @@ static void run_slice(tcs_task *task) {
     return;
   }
   if (job->pick_only) {
-    tc_renderer_pick(renderer, job->volume, &job->scene, &request, job->pick_x, job->pick_y, &job->pick, &job->error);
+    tc_renderer_pick(renderer, job->volume, &job->scene, &request, &job->pick, &job->error);
     return;
   }
-  const bool made = tc_render(renderer, job->volume, &job->scene, &request, &job->frame, NULL, &job->error);
+  const bool made = tc_render(renderer, job->volume, &job->scene, &request, &job->frame, &job->error);
   job->stats = job->frame.stats;
   if (!made) return;
   job->out_width = job->frame.width;

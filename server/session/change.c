@@ -33,7 +33,7 @@ static bool lay_on(tcs_session *session, tc_scene *scene, const tc_scene *from, 
   tc_scene next;
   tc_scene_copy(&next, from);
   if (!tcs_scene_patch(&next, &session->defaults, session->entry, patch, lists, error) ||
-      !tcs_scene_check(session->server, session->entry->volume, &next, scene, patch, &labels, error)) {
+      !tcs_scene_check(session->server, session->entry->volume, &next, (tcs_scene_change){scene, patch}, &labels, error)) {
     tc_scene_clear(&next);
     return false;
   }
@@ -96,7 +96,7 @@ bool tcs_session_show(tcs_session *session, tcs_entry *entry, GError **error) {
   tc_volume *labels;
   tcs_session_settle(session);
   if (entry == session->entry) return true;
-  if (!tcs_scene_check(session->server, entry->volume, &session->scene, NULL, NULL, &labels, error)) return false;
+  if (!tcs_scene_check(session->server, entry->volume, &session->scene, (tcs_scene_change){NULL, NULL}, &labels, error)) return false;
   tcs_session_unpin(session);
   session->entry->users--;
   session->entry = entry;

@@ -259,16 +259,23 @@ static void done(tcs_task *task) {
   if (again) tcs_quality_pump(q);
 }
 
-/* Takes `look`. waiting: the job that is queued afterwards, or NULL. cost: of frames like those it is for. */
-static measurement *begin(tcs_quality *q, tcs_job *waiting, tc_volume *volume, tc_volume *labels, const tc_scene *scene,
-                          const tc_camera *camera, const tc_quality_cost *cost, char *look) {
+/* What is measured. cost: of frames like it. */
+typedef struct subject {
+  tc_volume *volume, *labels;
+  const tc_scene *scene;
+  const tc_camera *camera;
+  const tc_quality_cost *cost;
+} subject;
+
+/* Takes `look`. waiting: the job that is queued afterwards, or NULL. */
+static measurement *begin(tcs_quality *q, tcs_job *waiting, const subject *of, char *look) {
   measurement *m = g_new0(measurement, 1);
-  *m = (measurement){.task = {.run = run, .done = done}, .quality = q, .look = look, .camera = *camera};
-  m->volume = tc_volume_ref(volume);
-  if (labels) m->labels = tc_volume_ref(labels);
-  tc_scene_copy(&m->scene, scene);
+  *m = (measurement){.task = {.run = run, .done = done}, .quality = q, .look = look, .camera = *of->camera};
+  m->volume = tc_volume_ref(of->volume);
+  if (of->labels) m->labels = tc_volume_ref(of->labels);
+  tc_scene_copy(&m->scene, of->scene);
   m->model = *model_of(q, look);
-  m->cost = *cost;
+  m->cost = *of->cost;
   tc_interrupt_init(&m->own);
   m->waiting = waiting;
   m->interrupt = waiting ? &waiting->interrupt : &m->own;
@@ -289,8 +296,8 @@ bool tcs_quality_prepare(tcs_quality *q, tcs_job *job) {
     g_free(look);
     return false;
   }
-  begin(q, job, job->volume, job->labels, &job->scene, &job->scene.camera, tcs_scheduler_cost(q->server->scheduler),
-        look);
+  const subject of = {job->volume, job->labels, &job->scene, &job->scene.camera, tcs_scheduler_cost(q->server->scheduler)};
+  begin(q, job, &of, look);
   return true;
 }
 
@@ -304,8 +311,9 @@ static void measure_for(tcs_session *session, void *user) {
     g_free(look);
     return;
   }
-  q->for_session = begin(q, NULL, tcs_entry_shown(session->entry, &session->scene), tcs_session_labels(session),
-                         &session->scene, &camera, cost_of(q, session), look);
+  const subject of = {tcs_entry_shown(session->entry, &session->scene), tcs_session_labels(session), &session->scene,
+                      &camera, cost_of(q, session)};
+  q->for_session = begin(q, NULL, &of, look);
   q->for_session->session = g_strdup(session->id);
 }
 

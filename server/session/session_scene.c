@@ -82,8 +82,9 @@ static bool check_samples(tcs_server *server, const tc_volume *volume, const tc_
   return ok;
 }
 
-bool tcs_scene_check(tcs_server *server, const tc_volume *volume, const tc_scene *scene, const tc_scene *valid,
-                     const cJSON *patch, tc_volume **labels, GError **error) {
+bool tcs_scene_check(tcs_server *server, const tc_volume *volume, const tc_scene *scene, tcs_scene_change change,
+                     tc_volume **labels, GError **error) {
+  const tc_scene *valid = change.valid;
   const tcs_limits *limits = &server->config->limits;
   *labels = NULL;
   if (!tcs_image_check(limits, "/image", scene->image.width, scene->image.height, error) ||
@@ -102,7 +103,7 @@ bool tcs_scene_check(tcs_server *server, const tc_volume *volume, const tc_scene
   }
   return check_meshes(server, scene, error) && tc_plan_check(volume, scene, scene->image.width, scene->image.height, valid, error) &&
          tc_labels_check(volume, *labels, scene, error) &&
-         (!*labels || !doubts_labels(scene, valid, patch) || tcs_labels_check(volume, *labels, error)) &&
+         (!*labels || !doubts_labels(scene, valid, change.patch) || tcs_labels_check(volume, *labels, error)) &&
          ((valid && same_samples(scene, valid)) || check_samples(server, volume, scene, error));
 }
 
@@ -128,7 +129,7 @@ bool tcs_scene_make(tcs_server *server, const tcs_entry *entry, const cJSON *pat
   tcp_scene_light(scene, patch);
   tcs_scene_fit_window(scene, &entry->fit, patch);
   const bool ok = (!patch || tcs_scene_patch(scene, &entry->defaults, entry, patch, lists, error)) &&
-                  tcs_scene_check(server, entry->volume, scene, NULL, patch, &labels, error);
+                  tcs_scene_check(server, entry->volume, scene, (tcs_scene_change){NULL, patch}, &labels, error);
   if (!ok) tc_scene_clear(scene);
   return ok;
 }

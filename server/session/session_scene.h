@@ -18,11 +18,17 @@ tc_mesh **tcs_scene_meshes(tcs_server *server, const tc_scene *scene);
 /* A picture's size against the configured limits. image: JSON pointer of what holds width and height ("" for the
  * document itself). */
 bool tcs_image_check(const tcs_limits *limits, const char *image, int64_t width, int64_t height, GError **error);
+/* How a scene came about. valid: as in tc_plan_check(); patch: what made the scene of it. Either may be NULL. */
+typedef struct tcs_scene_change {
+  const tc_scene *valid;
+  const cJSON *patch;
+} tcs_scene_change;
+
 /* Checks a scene against the limits and what the renderer can do, and finds its label volume (NULL when it has none;
- * the catalogue's). valid: as in tc_plan_check(). patch: the patch that made the scene, or NULL; a label volume named
- * by the patch must look like labels (labels_check.h), unless labels.force is set. */
-bool tcs_scene_check(tcs_server *server, const tc_volume *volume, const tc_scene *scene, const tc_scene *valid,
-                     const cJSON *patch, tc_volume **labels, GError **error);
+ * the catalogue's). a label volume named by the change's
+ * patch must look like labels (labels_check.h), unless labels.force is set. */
+bool tcs_scene_check(tcs_server *server, const tc_volume *volume, const tc_scene *scene, tcs_scene_change change,
+                     tc_volume **labels, GError **error);
 /* The defaults for a resident volume, with `patch` (may be NULL) on top. *scene holds nothing before, nor after a
  * failure. lists: the patch's, or NULL. */
 bool tcs_scene_make(tcs_server *server, const tcs_entry *entry, const cJSON *patch, const tcp_lists *lists,

@@ -333,7 +333,7 @@ static void set_socket_options(int fd) {
 }
 
 void tcs_streams_open(tcs_streams *streams, tcs_session *session, const tcs_caller *caller, int fd,
-                      struct MHD_UpgradeResponseHandle *handle, const char *extra, size_t extra_size) {
+                      struct MHD_UpgradeResponseHandle *handle, const GByteArray *held) {
   static const tcs_channel_callbacks callbacks = {on_receive, on_send, on_text};
   tcs_stream *stream = g_new0(tcs_stream, 1);
   tcs_server *server = streams->server;
@@ -343,7 +343,7 @@ void tcs_streams_open(tcs_streams *streams, tcs_session *session, const tcs_call
   stream->caller = *caller;
   stream->watcher.ops = &stream_ops;
   stream->extra = g_byte_array_new();
-  g_byte_array_append(stream->extra, (const guint8 *)extra, (guint)extra_size);
+  g_byte_array_append(stream->extra, held->data, held->len);
   stream->heard_us = stream->pinged_us = stream->sent_us = g_get_monotonic_time();
   tcs_allowance_init(&stream->share, stream->heard_us);
   stream->events = EPOLLIN;

@@ -10,11 +10,11 @@ typedef struct tcs_streams tcs_streams;
 tcs_streams *tcs_streams_new(tcs_server *server);
 void tcs_streams_free(tcs_streams *streams); /* after all have closed */
 
-/* Takes over an upgraded socket: `extra` are bytes that came with the handshake. When the session has ended meanwhile
+/* Takes over an upgraded socket: `held` are bytes that came with the handshake. When the session has ended meanwhile
  * (NULL) the socket is closed. Somebody who may only look is told so when a patch comes; when the caller's time is over
  * the stream ends. */
 void tcs_streams_open(tcs_streams *streams, tcs_session *session, const tcs_caller *caller, int fd,
-                      struct MHD_UpgradeResponseHandle *handle, const char *extra, size_t extra_size);
+                      struct MHD_UpgradeResponseHandle *handle, const GByteArray *held);
 int tcs_streams_count(const tcs_streams *streams);
 /* Sends a text message to every viewer that keeps up. */
 void tcs_streams_tell(tcs_streams *streams, const char *json);

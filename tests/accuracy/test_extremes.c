@@ -354,7 +354,7 @@ TEST(one_last_bit_apart) {
 static void refused(const char *pointer, const tc_volume *volume, const tc_scene *scene) {
   EACH_RENDERER(i) {
     GError *error = NULL;
-    if (tc_render(test_renderers[i], (tc_volume *)volume, scene, NULL, &test_frames[i], NULL, &error))
+    if (tc_render(test_renderers[i], (tc_volume *)volume, scene, NULL, &test_frames[i], &error))
       fail_msg("%s: %s is taken", test_names[i], pointer);
     const char *named = tc_error_pointer(error) ? tc_error_pointer(error) : "nothing";
     if (strcmp(named, pointer) || (error->code != TC_ERROR_INVALID && error->code != TC_ERROR_LIMIT))
@@ -433,7 +433,7 @@ TEST(far_away) {
         if (member == 6) s.mode = TC_MODE_MPR, s.mpr.zoom = sizes[i];
         GError *error = NULL;
         tc_render_request request = {.want_linear = true};
-        if (!tc_render(test_renderers[on], volume, &s, &request, &test_frames[on], NULL, &error)) {
+        if (!tc_render(test_renderers[on], volume, &s, &request, &test_frames[on], &error)) {
           if (!tc_error_pointer(error))
             fail_msg("%s, member %d at %g: %s", test_names[on], member, sizes[i], error->message);
           g_clear_error(&error);

@@ -338,7 +338,7 @@ TEST(coefficients_are_a_resource) {
   tc_renderer_options small = {.backend = TC_BACKEND_CPU, .cache_bytes = 4 * tc_volume_bytes(volume) - 1};
   g_autoptr(tc_renderer) r = tc_renderer_new(&small, NULL);
   g_autoptr(GError) error = NULL;
-  assert_false(tc_render(r, volume, &scene, NULL, &test_frames[SCALAR], NULL, &error));
+  assert_false(tc_render(r, volume, &scene, NULL, &test_frames[SCALAR], &error));
   assert_true(g_error_matches(error, TC_ERROR, TC_ERROR_LIMIT));
   assert_string_equal(tc_error_pointer(error), "/sampling/prefilter");
 }

@@ -45,8 +45,8 @@ static void finish(pair *p) {
 static void render_both(pair *p, tc_volume *volume, const tc_scene *scene) {
   const tc_render_request request = {.want_linear = true};
   memset(p, 0, sizeof *p);
-  assert_made(tc_render(cpu, volume, scene, &request, &p->cpu, NULL, &error));
-  assert_made(tc_render(gl, volume, scene, &request, &p->gl, NULL, &error));
+  assert_made(tc_render(cpu, volume, scene, &request, &p->cpu, &error));
+  assert_made(tc_render(gl, volume, scene, &request, &p->gl, &error));
 }
 
 /* No NaN, opacity in 0..1, colour at most opacity (times the brightest colour, which is at most 1). */
@@ -354,7 +354,7 @@ TEST(test_opaque_block) {
       test_scene_frame(&scene, volume, TC_PERSPECTIVE, oblique);
       test_scene_knots(&scene, TC_KNOT_EXTINCTION, &knot, 1);
       scene.image.linear_light = linear_light;
-      assert_made(tc_render(gl, volume, &scene, NULL, &frame, NULL, &error));
+      assert_made(tc_render(gl, volume, &scene, NULL, &frame, &error));
       const uint8_t *center = frame.rgba + (32 * 64 + 32) * 4;
       for (int k = 0; k < 3; k++) assert_int_equal(center[k], (int)(colors[i][k] * 255 + 0.5));
       assert_int_equal(center[3], 255);
@@ -375,9 +375,9 @@ TEST(test_termination) {
   test_scene(&scene, 200, 200);
   test_scene_frame(&scene, volume, TC_PERSPECTIVE, oblique);
   set_knots(&scene, volume, TC_KNOT_EXTINCTION, soft, G_N_ELEMENTS(soft));
-  assert_made(tc_render(gl, volume, &scene, &request, &whole, NULL, &error));
+  assert_made(tc_render(gl, volume, &scene, &request, &whole, &error));
   scene.sampling.termination = threshold;
-  assert_made(tc_render(gl, volume, &scene, &request, &early, NULL, &error));
+  assert_made(tc_render(gl, volume, &scene, &request, &early, &error));
   double worst = 0;
   for (size_t i = 0; i < 200 * 200 * 4; i++) worst = fmax(worst, fabs((double)whole.linear[i] - early.linear[i]));
   printf("  termination at %g changes a pixel by at most %.3g; samples %zu -> %zu\n", threshold, worst,
@@ -438,13 +438,13 @@ TEST(test_leaping) {
       scene.skipping.block = blocks[j];
       scene.sampling.termination = j & 2 ? 0.01 : 0;
       scene.sampling.step = j == 3 ? 0.3 : 1;
-      const tc_render_request request = {.want_linear = true};
-      assert_made(tc_render(gl, volume, &scene, &request, &leapt, &plan, &error));
+      const tc_render_request request = {.want_linear = true, .explanation = &plan};
+      assert_made(tc_render(gl, volume, &scene, &request, &leapt, &error));
       bool leaps = plan.key.skipping;
       snprintf(what, sizeof what, "%dx%dx%d, blocks of %d", sizes[i][0], sizes[i][1], sizes[i][2], blocks[j]);
       expect_equal(what, volume, &scene, 0);
       scene.skipping.mode = TC_SKIPPING_OFF;
-      assert_made(tc_render(gl, volume, &scene, &request, &whole, &plan, &error));
+      assert_made(tc_render(gl, volume, &scene, &request, &whole, &error));
       assert_false(plan.key.skipping);
       printf("    %s: %zu leaps, samples %zu of %zu\n", leaps ? "leapt" : "not worth leaping",
              (size_t)leapt.stats.leaps, (size_t)leapt.stats.samples, (size_t)whole.stats.samples);
@@ -475,8 +475,8 @@ TEST(test_picture_sizes) {
     set_knots(&scene, volume, TC_KNOT_OPACITY, soft, G_N_ELEMENTS(soft));
     snprintf(what, sizeof what, "%dx%d pixels", sizes[i][0], sizes[i][1]);
     expect_equal(what, volume, &scene, 0);
-    assert_made(tc_render(gl, volume, &scene, &(tc_render_request){.want_linear = true}, &with, NULL, &error));
-    assert_made(tc_render(gl, volume, &scene, NULL, &without, NULL, &error));
+    assert_made(tc_render(gl, volume, &scene, &(tc_render_request){.want_linear = true}, &with, &error));
+    assert_made(tc_render(gl, volume, &scene, NULL, &without, &error));
     assert_memory_equal(with.rgba, without.rgba, (size_t)sizes[i][0] * sizes[i][1] * 4);
     tc_frame_finish(&with);
     tc_frame_finish(&without);

@@ -60,7 +60,7 @@ static void expect_same(tc_renderer *r, tc_volume *volume, const tc_frame *wante
   tc_scene scene;
   tc_frame frame = {0};
   set_scene(&scene, volume, wanted->width);
-  assert_made(tc_render(r, volume, &scene, NULL, &frame, NULL, &error));
+  assert_made(tc_render(r, volume, &scene, NULL, &frame, &error));
   assert_memory_equal(frame.rgba, wanted->rgba, (size_t)frame.width * frame.height * 4);
   tc_frame_finish(&frame);
   tc_scene_clear(&scene);
@@ -70,7 +70,7 @@ static void render_first(tc_renderer *r, tc_volume *volume, int side, tc_frame *
   tc_scene scene;
   memset(frame, 0, sizeof *frame);
   set_scene(&scene, volume, side);
-  assert_made(tc_render(r, volume, &scene, NULL, frame, NULL, &error));
+  assert_made(tc_render(r, volume, &scene, NULL, frame, &error));
   tc_scene_clear(&scene);
 }
 
@@ -133,7 +133,7 @@ static void *render_elsewhere(void *context) {
   tc_renderer *r = tc_renderer_new(&(tc_renderer_options){.backend = TC_BACKEND_GL}, &failure);
   tc_scene scene;
   set_scene(&scene, volume, 80);
-  bool good = r && tc_render(r, volume, &scene, NULL, frame, NULL, &failure);
+  bool good = r && tc_render(r, volume, &scene, NULL, frame, &failure);
   tc_scene_clear(&scene);
   tc_renderer_free(r);
   if (good) return frame;
@@ -370,8 +370,8 @@ TEST(test_cancel) {
 
 static bool draws_itself(tc_renderer *r, tc_volume *volume, const tc_scene *scene, bool hurry, tc_frame *frame) {
   tc_explanation plan;
-  const tc_render_request request = {.want_linear = true, .hurry = hurry};
-  assert_made(tc_render(r, volume, scene, &request, frame, &plan, &error));
+  const tc_render_request request = {.want_linear = true, .hurry = hurry, .explanation = &plan};
+  assert_made(tc_render(r, volume, scene, &request, frame, &error));
   bool itself = g_str_has_suffix(plan.kernel, ".gl");
   assert_int_equal(itself, !frame->stats.stand_in);
   assert_true(itself || !plan.key.skipping);
@@ -458,7 +458,7 @@ TEST(test_hurried_upload) {
   assert_memory_equal(frame.linear, wanted.linear, SIDE * SIDE * 16);
   assert_true(draws_itself(r, large, &scene, true, &frame));
   const tc_render_request request = {.hurry = true};
-  assert_false(tc_render(r, impossible, &scene, &request, &frame, NULL, &error));
+  assert_false(tc_render(r, impossible, &scene, &request, &frame, &error));
   expect_error(TC_ERROR_LIMIT, "--backend cpu");
   /* A volume may go, and a renderer end, in the middle of it. */
   assert_false(draws_itself(r, other, &scene, true, &frame));
@@ -488,7 +488,7 @@ TEST(test_limits) {
     tc_scene scene;
     tc_frame frame = {0};
     set_scene(&scene, volume, 16);
-    assert_false(tc_render(r, volume, &scene, NULL, &frame, NULL, &error));
+    assert_false(tc_render(r, volume, &scene, NULL, &frame, &error));
     expect_error(TC_ERROR_LIMIT, "--backend cpu");
     tc_frame_finish(&frame);
     tc_scene_clear(&scene);

@@ -405,11 +405,11 @@ TEST(a_mesh_too_large_for_a_buffer_is_refused) {
   GError *error = NULL;
   mesh_scene(&scene, volume, TC_PERSPECTIVE);
   tc_gl_mesh_most_bytes = 1000;
-  assert_false(tc_render(test_renderers[GL], volume, &scene, NULL, &test_frames[GL], NULL, &error));
+  assert_false(tc_render(test_renderers[GL], volume, &scene, NULL, &test_frames[GL], &error));
   tc_gl_mesh_most_bytes = 0;
   assert_true(g_error_matches(error, TC_ERROR, TC_ERROR_LIMIT) && strstr(error->message, "--backend cpu"));
   g_clear_error(&error);
-  assert_true(tc_render(test_renderers[GL], volume, &scene, NULL, &test_frames[GL], NULL, NULL));
+  assert_true(tc_render(test_renderers[GL], volume, &scene, NULL, &test_frames[GL], NULL));
   tc_scene_clear(&scene);
   tc_volume_unref(volume);
 }

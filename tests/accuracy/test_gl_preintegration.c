@@ -245,18 +245,18 @@ TEST(pictures) {
     test_scene_frame(&scene, volume, TC_PERSPECTIVE, oblique);
     test_scene_knots(&scene, TC_KNOT_OPACITY, i % 2 ? peak : soft, i % 2 ? 3 : 4);
     for (int k = 0; k < 2; k++) {
-      const tc_render_request request = {.want_linear = true};
-      assert_made(tc_render(r[k], volume, &scene, &request, &frames[k], &plan, &error));
+      const tc_render_request request = {.want_linear = true, .explanation = &plan};
+      assert_made(tc_render(r[k], volume, &scene, &request, &frames[k], &error));
       const tc_explained_stage *table = &plan.stages[TC_STAGE_TABLE_2D];
       assert_non_null(strstr(table->reason, says[k]));
       assert_true(table->ms > 0 && table->ms == frames[k].stats.tables_ms && table->bytes > 256 * 256 * 16);
       assert_true(tc_renderer_explain(r[k], volume, &scene, NULL, &plan, NULL));
       assert_true(strstr(table->reason, says[k]) && fabs(table->ms - frames[k].stats.tables_ms) < 1e-9);
       scene.camera.position[0] += 3; /* a camera's move builds nothing */
-      assert_made(tc_render(r[k], volume, &scene, &request, &frames[k], &plan, &error));
+      assert_made(tc_render(r[k], volume, &scene, &request, &frames[k], &error));
       assert_true(frames[k].stats.tables_ms == 0 && table->ms == 0);
       scene.camera.position[0] -= 3;
-      assert_made(tc_render(r[k], volume, &scene, &request, &frames[k], &plan, &error));
+      assert_made(tc_render(r[k], volume, &scene, &request, &frames[k], &error));
     }
     double worst = 0, most = 0;
     for (int p = 0; p < 4 * 96 * 96; p++) {
@@ -287,13 +287,13 @@ TEST(tables_of_the_cpu) {
   tc_knot soft[] = {{0.1, {0.1, 0.1, 0.6}, 0}, {0.9, {1, 1, 0.9}, 0.4}};
   test_scene_knots(&scene, TC_KNOT_OPACITY, soft, 2);
   const char *reason = plan.stages[TC_STAGE_TABLE_2D].reason;
-  tc_render_request request = {.hurry = true};
-  assert_made(tc_render(r, volume, &scene, &request, &frame, &plan, &error));
+  tc_render_request request = {.hurry = true, .explanation = &plan};
+  assert_made(tc_render(r, volume, &scene, &request, &frame, &error));
   assert_true(frame.stats.stand_in && strstr(reason, "built by the cpu, which draws"));
-  request = (tc_render_request){.table_bits = 8};
-  assert_made(tc_render(r, volume, &scene, &request, &frame, &plan, &error));
+  request = (tc_render_request){.table_bits = 8, .explanation = &plan};
+  assert_made(tc_render(r, volume, &scene, &request, &frame, &error));
   assert_true(!frame.stats.stand_in && strstr(reason, "which also rounds"));
-  assert_made(tc_render(r, volume, &scene, NULL, &frame, &plan, &error));
+  assert_made(tc_render(r, volume, &scene, &(tc_render_request){.explanation = &plan}, &frame, &error));
   assert_true(!frame.stats.stand_in && strstr(reason, "built by opengl"));
   tc_frame_finish(&frame);
   tc_scene_clear(&scene);

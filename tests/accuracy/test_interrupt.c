@@ -75,7 +75,7 @@ static int draw_in_parts(int which, subject *s, tc_frame *frame) {
   for (int calls = 1;; calls++) {
     GError *error = NULL;
     double before = tc_frame_done(frame);
-    if (tc_render(test_renderers[which], s->volume, &s->drawn.scene, &request, frame, NULL, &error)) return calls;
+    if (tc_render(test_renderers[which], s->volume, &s->drawn.scene, &request, frame, &error)) return calls;
     if (!g_error_matches(error, TC_ERROR, TC_ERROR_PAUSED))
       fail_msg("%s, case %llu: %s", test_names[which], (unsigned long long)s->drawn.seed, error->message);
     assert_true(calls < 100000 && tc_frame_done(frame) >= (request.resume ? before : 0));
@@ -93,7 +93,7 @@ TEST(resumed_is_uncut) {
     EACH_RENDERER(i) {
       GError *error = NULL;
       if (i == GL && seed % 10) continue; /* it compiles */
-      if (!tc_render(test_renderers[i], s.volume, &s.drawn.scene, &s.request, &test_frames[i], NULL, &error)) {
+      if (!tc_render(test_renderers[i], s.volume, &s.drawn.scene, &s.request, &test_frames[i], &error)) {
         g_clear_error(&error);
         continue;
       }
@@ -121,19 +121,19 @@ TEST(only_what_was_paused_is_resumed) {
   tc_frame frame = {0};
   assert_true(subject_open(&s, 3));
   s.request.resume = true;
-  assert_true(tc_render(test_renderers[SCALAR], s.volume, &s.drawn.scene, &s.request, &frame, NULL, NULL));
+  assert_true(tc_render(test_renderers[SCALAR], s.volume, &s.drawn.scene, &s.request, &frame, NULL));
   uint64_t rays = frame.stats.rays;
-  assert_true(tc_render(test_renderers[SCALAR], s.volume, &s.drawn.scene, &s.request, &frame, NULL, NULL));
+  assert_true(tc_render(test_renderers[SCALAR], s.volume, &s.drawn.scene, &s.request, &frame, NULL));
   assert_true(frame.stats.rays == rays);
   tc_interrupt interrupt;
   tc_interrupt_init(&interrupt);
   atomic_store(&interrupt.pause_us, 0);
   s.request.interrupt = &interrupt;
-  assert_false(tc_render(test_renderers[SCALAR], s.volume, &s.drawn.scene, &s.request, &frame, NULL, NULL));
+  assert_false(tc_render(test_renderers[SCALAR], s.volume, &s.drawn.scene, &s.request, &frame, NULL));
   assert_true(tc_frame_done(&frame) > 0 && tc_frame_done(&frame) < 1);
   s.request.interrupt = NULL;
   s.request.width = 16, s.request.height = 16;
-  assert_true(tc_render(test_renderers[SCALAR], s.volume, &s.drawn.scene, &s.request, &frame, NULL, NULL));
+  assert_true(tc_render(test_renderers[SCALAR], s.volume, &s.drawn.scene, &s.request, &frame, NULL));
   assert_int_equal(frame.width, 16);
   assert_true(tc_frame_done(&frame) == 0);
   tc_frame_finish(&frame);
@@ -155,7 +155,7 @@ TEST(estimate_holds) {
     s.drawn.scene.sampling.termination = 0;
     int width = s.drawn.scene.image.width, height = s.drawn.scene.image.height, which = test_widest();
     double longest, estimate = tc_estimate_samples(s.volume, &s.drawn.scene, NULL, width, height, &longest);
-    if (tc_render(test_renderers[which], s.volume, &s.drawn.scene, &s.request, &test_frames[which], NULL, NULL)) {
+    if (tc_render(test_renderers[which], s.volume, &s.drawn.scene, &s.request, &test_frames[which], NULL)) {
       double taken = (double)test_frames[which].stats.samples;
       if (!(estimate >= taken)) test_case_print(&s.drawn);
       if (!(estimate >= taken)) fail_msg("case %llu: %g samples, %g expected", (unsigned long long)seed, taken, estimate);
@@ -215,7 +215,7 @@ static long long count_looks(int which, subject *s, long long *longest_us) {
   tc_halt_probe_begin(LLONG_MAX);
   tc_halt_begin(&interrupt, 0); /* a look: what is planned counts too */
   bool drawn =
-      tc_render(test_renderers[which], s->volume, &s->drawn.scene, &request, &test_frames[which], NULL, NULL);
+      tc_render(test_renderers[which], s->volume, &s->drawn.scene, &request, &test_frames[which], NULL);
   tc_halt_begin(&interrupt, 0); /* and the end */
   tc_halt_probed.on = false;
   *longest_us = atomic_load(&tc_halt_probed.longest_us);
@@ -232,7 +232,7 @@ static long long looks_after(int which, subject *s, long long at) {
   tc_halt_probe_begin(at);
   tc_halt_begin(&interrupt, 0);
   bool drawn =
-      tc_render(test_renderers[which], s->volume, &s->drawn.scene, &request, &test_frames[which], NULL, &error);
+      tc_render(test_renderers[which], s->volume, &s->drawn.scene, &request, &test_frames[which], &error);
   tc_halt_probed.on = false;
   if (drawn) return 0; /* it was the last one, or other workers took fewer */
   atomic_bool *cancel = &interrupt.cancel; /* the words follow it, not the probe */
@@ -505,13 +505,13 @@ TEST(surfaces_within_are_resumed) {
   tc_scene_set_surfaces(scene, panes, PANES);
   scene->mesh.with_volume = true;
   scene->sampling.step = 0.02, scene->sampling.rays_per_pixel = 2, scene->sampling.termination = 0;
-  assert_true(tc_render(test_renderers[SCALAR], s.volume, scene, &s.request, &whole, NULL, NULL));
+  assert_true(tc_render(test_renderers[SCALAR], s.volume, scene, &s.request, &whole, NULL));
   tc_interrupt_init(&interrupt);
   atomic_store(&interrupt.pause_us, 0);
   tc_render_request request = s.request;
   request.interrupt = &interrupt;
   int calls = 1, fruitless = 0;
-  for (; !tc_render(test_renderers[SCALAR], s.volume, scene, &request, &parts, NULL, NULL); calls++) {
+  for (; !tc_render(test_renderers[SCALAR], s.volume, scene, &request, &parts, NULL); calls++) {
     assert_true(parts.progress->paused && calls < 10000);
     fruitless += parts.progress->fruitless;
     request.resume = true;
@@ -533,13 +533,13 @@ TEST(deep_tiles_are_resumed) {
   tc_frame whole = {0}, parts = {0};
   tc_interrupt interrupt;
   deep_scene(&s, PANES, 16);
-  assert_true(tc_render(test_renderers[SCALAR], s.volume, scene, &s.request, &whole, NULL, NULL));
+  assert_true(tc_render(test_renderers[SCALAR], s.volume, scene, &s.request, &whole, NULL));
   tc_interrupt_init(&interrupt);
   atomic_store(&interrupt.pause_us, 0);
   tc_render_request request = s.request;
   request.interrupt = &interrupt;
   int calls = 1, further = 0;
-  for (double done = 0; !tc_render(test_renderers[SCALAR], s.volume, scene, &request, &parts, NULL, NULL); calls++) {
+  for (double done = 0; !tc_render(test_renderers[SCALAR], s.volume, scene, &request, &parts, NULL); calls++) {
     assert_true(parts.progress->paused && calls < 10000 && tc_frame_done(&parts) >= done);
     further += tc_frame_done(&parts) > done;
     done = tc_frame_done(&parts);
@@ -591,7 +591,7 @@ static bool stop_ms(int which, subject *s, double after_ms, double *processor, d
   tc_render_request request = s->request;
   request.interrupt = &c.interrupt;
   assert_int_equal(pthread_create(&thread, NULL, cancel_later, &c), 0);
-  tc_render(test_renderers[which], s->volume, &s->drawn.scene, &request, &test_frames[which], NULL, &error);
+  tc_render(test_renderers[which], s->volume, &s->drawn.scene, &request, &test_frames[which], &error);
   *clock = (double)g_get_monotonic_time();
   *processor = process_ms();
   atomic_store(&c.over, true);

@@ -352,7 +352,7 @@ TEST(leaping_changes_no_bit_and_threads_none) {
       leaps += test_frames[i].stats.leaps;
     }
     g_auto(tc_frame) frame = {0};
-    assert_true(tc_render(one, volume, &scene, &(tc_render_request){.labels = labels}, &frame, NULL, NULL));
+    assert_true(tc_render(one, volume, &scene, &(tc_render_request){.labels = labels}, &frame, NULL));
     assert_memory_equal(frame.rgba, test_frames[SCALAR].rgba, PIXELS * 4);
   }
   assert_true(leaps > 0);
@@ -366,7 +366,7 @@ static void refused(tc_volume *volume, const tc_volume *labels, const tc_scene *
     GError *error = NULL;
     tc_explanation plan;
     tc_render_request request = {.labels = labels};
-    assert_false(tc_render(test_renderers[i], volume, scene, &request, &test_frames[i], NULL, &error));
+    assert_false(tc_render(test_renderers[i], volume, scene, &request, &test_frames[i], &error));
     assert_true(g_error_matches(error, TC_ERROR, TC_ERROR_INVALID));
     assert_string_equal(tc_error_pointer(error), "/labels/volume");
     if (!strstr(error->message, word)) fail_msg("\"%s\" does not say \"%s\"", error->message, word);

@@ -311,7 +311,7 @@ TEST(one_thread_makes_them) {
 
 static void draw(tc_renderer *r, const tc_scene *scene, bool moving, tc_frame *frame, tc_explanation *plan) {
   GError *error = NULL;
-  if (!tc_render(r, f.volume, scene, &(tc_render_request){.want_depth = true, .moving = moving}, frame, plan, &error))
+  if (!tc_render(r, f.volume, scene, &(tc_render_request){.want_depth = true, .moving = moving, .explanation = plan}, frame, &error))
     fail_msg("%s", error->message);
 }
 

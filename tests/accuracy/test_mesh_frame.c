@@ -191,7 +191,7 @@ TEST(frames_stop_and_go_on_to_the_same_picture) {
       atomic_store(&interrupt.cancel, true);
     else
       atomic_store(&interrupt.pause_us, 1); /* long past */
-    while (!tc_render(test_renderers[which], volume, &scene, &request, &frame, NULL, &error) && stops < 2000) {
+    while (!tc_render(test_renderers[which], volume, &scene, &request, &frame, &error) && stops < 2000) {
       assert_true(g_error_matches(error, TC_ERROR, cancel ? TC_ERROR_CANCELLED : TC_ERROR_PAUSED));
       g_clear_error(&error);
       if (++stops == 3 && cancel) atomic_store(&interrupt.cancel, false);
@@ -487,12 +487,12 @@ TEST(layers_are_bounded) {
   GError *error = NULL;
   scene_within(&scene, volume, TC_MODE_DVR, 0.4);
   tc_mesh_most_layers = 500;
-  assert_false(tc_render(test_renderers[test_widest()], volume, &scene, NULL, &frame, NULL, &error));
+  assert_false(tc_render(test_renderers[test_widest()], volume, &scene, NULL, &frame, &error));
   tc_mesh_most_layers = most;
   assert_true(g_error_matches(error, TC_ERROR, TC_ERROR_LIMIT) && strstr(error->message, "more than 500 layers"));
   assert_string_equal(tc_error_pointer(error), "/mesh/surfaces");
   g_clear_error(&error);
-  assert_true(tc_render(test_renderers[test_widest()], volume, &scene, NULL, &frame, NULL, NULL));
+  assert_true(tc_render(test_renderers[test_widest()], volume, &scene, NULL, &frame, NULL));
 }
 
 /* Brightness y / 40 grows along the rays: what is in front of a surface is darker than what is behind it. */
@@ -582,16 +582,16 @@ TEST(what_cannot_be_is_refused) {
   g_auto(tc_frame) frame = {0};
   GError *error = NULL;
   mesh_scene(&scene, volume, TC_PERSPECTIVE);
-  assert_false(tc_render(renderer, volume, &scene, NULL, &frame, NULL, &error));
+  assert_false(tc_render(renderer, volume, &scene, NULL, &frame, &error));
   assert_true(g_error_matches(error, TC_ERROR, TC_ERROR_LIMIT));
   g_clear_error(&error);
   scene.isosurface.value = NAN;
-  assert_false(tc_render(renderer, volume, &scene, NULL, &frame, NULL, &error));
+  assert_false(tc_render(renderer, volume, &scene, NULL, &frame, &error));
   assert_string_equal(tc_error_pointer(error), "/isosurface/value");
   g_clear_error(&error);
   tc_mesh_surface one = {.source = TC_SURFACE_OF_LABEL, .label = 3, .opacity = 1, .visible = true};
   tc_scene_set_surfaces(&scene, g_memdup2(&one, sizeof one), 1);
-  assert_false(tc_render(renderer, volume, &scene, NULL, &frame, NULL, &error));
+  assert_false(tc_render(renderer, volume, &scene, NULL, &frame, &error));
   assert_string_equal(tc_error_pointer(error), "/mesh/surfaces/0"); /* no volume of labels */
   g_clear_error(&error);
 }

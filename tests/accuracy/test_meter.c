@@ -17,7 +17,7 @@ static double squares[PIXELS], frame_rms, frame_max; /* of `frame`, from every p
 
 static void render(void) {
   GError *error = NULL;
-  if (!tc_render(renderer, volume, &scene, &(tc_render_request){.want_linear = true}, &frame, NULL, &error))
+  if (!tc_render(renderer, volume, &scene, &(tc_render_request){.want_linear = true}, &frame, &error))
     fail_msg("%s", error->message);
 }
 
@@ -165,7 +165,7 @@ static void assert_step_alone_counts(tc_scene *s, tc_volume *labels, const char 
     GError *error = NULL;
     g_auto(tc_frame) drawn = {0};
     s->sampling.step = steps[i] / s->sampling.rays_per_pixel;
-    if (!tc_render(renderer, volume, s, &(tc_render_request){.want_linear = true, .labels = labels}, &drawn, NULL,
+    if (!tc_render(renderer, volume, s, &(tc_render_request){.want_linear = true, .labels = labels}, &drawn,
                    &error))
       fail_msg("%s: %s", what, error->message);
     tc_meter *meter = tc_meter_new(&drawn, 300, 1);

@@ -674,8 +674,8 @@ TEST(threads_change_nothing) {
   scene_of(&scene, TC_OBLIQUE, 0, 65535);
   scene.mpr.thickness_mm = 5;
   tc_frame a = {0}, b = {0};
-  assert_true(tc_render(one, volume, &scene, NULL, &a, NULL, NULL));
-  assert_true(tc_render(three, volume, &scene, NULL, &b, NULL, NULL));
+  assert_true(tc_render(one, volume, &scene, NULL, &a, NULL));
+  assert_true(tc_render(three, volume, &scene, NULL, &b, NULL));
   assert_memory_equal(a.rgba, b.rgba, WIDTH * HEIGHT * 4);
   tc_frame_finish(&a);
   tc_frame_finish(&b);

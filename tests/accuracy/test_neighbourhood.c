@@ -57,7 +57,7 @@ TEST(neighbourhoods_and_gathers_draw_the_same_bits) {
     g_autoptr(tc_volume) volume = draw_volume(&state);
     g_auto(tc_scene) scene;
     draw_scene(&scene, volume, &state);
-    for (int i = 0; i < 2; i++) assert_true(tc_render(variants[i], volume, &scene, &linear, &frames[i], NULL, NULL));
+    for (int i = 0; i < 2; i++) assert_true(tc_render(variants[i], volume, &scene, &linear, &frames[i], NULL));
     const size_t pixels = (size_t)scene.image.width * (size_t)scene.image.height;
     for (size_t p = 0; p < 4 * pixels; p++)
       if (memcmp(&frames[0].linear[p], &frames[1].linear[p], 4))

@@ -361,9 +361,9 @@ TEST(skipping_changes_no_bit) {
       tc_frame on = {0}, off = {0};
       tc_render_request q = {.want_linear = true};
       random_scene(&s, v, trial, &seeds);
-      assert_true(tc_render(test_renderers[r], v, &s, &q, &on, NULL, NULL));
+      assert_true(tc_render(test_renderers[r], v, &s, &q, &on, NULL));
       s.skipping.mode = TC_SKIPPING_OFF;
-      assert_true(tc_render(test_renderers[r], v, &s, &q, &off, NULL, NULL));
+      assert_true(tc_render(test_renderers[r], v, &s, &q, &off, NULL));
       check_sane(test_names[r], &on);
       size_t pixels = (size_t)on.width * (size_t)on.height;
       if (memcmp(on.linear, off.linear, pixels * 16) || memcmp(on.rgba, off.rgba, pixels * 4))

@@ -157,7 +157,7 @@ static double render(path *p, int i, setting with, spent *cost) {
   s.sampling.step = with.step, s.sampling.termination = with.termination;
   s.quality.max_error = s.quality.max_ms = 0;
   tc_render_request request = {.want_linear = true, .labels = p->labels};
-  if (!tc_render(renderer, p->volume, &s, &request, &frame, NULL, &error)) fail_msg("%s", error->message);
+  if (!tc_render(renderer, p->volume, &s, &request, &frame, &error)) fail_msg("%s", error->message);
   double sum = 0, max = 0;
   for (int k = 0; k < PIXELS; k++) {
     int x, y;
@@ -395,7 +395,7 @@ TEST(a_time_gets_about_the_least_error) {
 /* What a frame takes on a machine that no other load disturbs. */
 static double counted_ms(tc_volume *volume, const tc_scene *scene) {
   GError *error = NULL;
-  if (!tc_render(renderer, volume, scene, NULL, &frame, NULL, &error)) fail_msg("%s", error->message);
+  if (!tc_render(renderer, volume, scene, NULL, &frame, &error)) fail_msg("%s", error->message);
   return 1e-5 * (double)frame.stats.samples + 2e-5 * (double)frame.stats.rays + 2e-6 * frame.width * frame.height;
 }
 

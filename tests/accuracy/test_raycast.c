@@ -382,7 +382,7 @@ TEST(threads_make_no_difference) {
       tc_frame frame = {0};
       tc_renderer_options options = {.backend = TC_BACKEND_CPU, .threads = counts[i], .isa = test_names[isa]};
       tc_renderer *renderer = tc_renderer_new(&options, NULL);
-      assert_true(tc_render(renderer, volume, &scene, &(tc_render_request){.want_linear = true}, &frame, NULL, NULL));
+      assert_true(tc_render(renderer, volume, &scene, &(tc_render_request){.want_linear = true}, &frame, NULL));
       if (i == 0) {
         rgba = g_memdup2(frame.rgba, bytes);
         linear = g_memdup2(frame.linear, bytes * sizeof(float));

@@ -64,7 +64,7 @@ static void random_knots(tc_scene *scene, uint64_t *state) {
 static void render(tc_renderer *r, tc_volume *v, const tc_scene *s, tc_frame *f) {
   GError *error = NULL;
   tc_render_request q = {.want_linear = true};
-  if (!tc_render(r, v, s, &q, f, NULL, &error)) fail_msg("%s", error->message);
+  if (!tc_render(r, v, s, &q, f, &error)) fail_msg("%s", error->message);
 }
 
 TEST(leaping_changes_no_bit) {
@@ -318,17 +318,17 @@ TEST(built_only_when_it_can_help) {
   tc_explanation plan;
   g_auto(tc_frame) f = {0};
   test_scene_knots(&s, TC_KNOT_OPACITY, full, 2);
-  assert_true(tc_render(r, v, &s, NULL, &f, &plan, NULL));
+  assert_true(tc_render(r, v, &s, &(tc_render_request){.explanation = &plan}, &f, NULL));
   assert_false(plan.stages[TC_STAGE_SKIPPING].included);
   assert_int_equal(plan.stages[TC_STAGE_SKIPPING].bytes, 0);
   assert_int_equal(plan.key.skipping, 0);
   test_scene_knots(&s, TC_KNOT_OPACITY, part, 2);
-  assert_true(tc_render(r, v, &s, NULL, &f, &plan, NULL));
+  assert_true(tc_render(r, v, &s, &(tc_render_request){.explanation = &plan}, &f, NULL));
   assert_true(plan.stages[TC_STAGE_SKIPPING].included && f.stats.leaps > 0);
   double share = (double)plan.stages[TC_STAGE_SKIPPING].bytes / (double)tc_volume_bytes(v);
   printf("vessels: %s; %.2f %% of the voxel bytes\n", plan.stages[TC_STAGE_SKIPPING].reason, 100 * share);
   assert_true(share < 0.26); /* bytes: a minimum and a maximum for eight voxels, of 16 bits half as much */
-  assert_true(tc_render(r, v, &s, NULL, &f, &plan, NULL));
+  assert_true(tc_render(r, v, &s, &(tc_render_request){.explanation = &plan}, &f, NULL));
   assert_true(f.stats.tables_ms == 0 && f.stats.skip_ms == 0); /* a second frame builds nothing */
 }
 
@@ -348,7 +348,7 @@ TEST(long_axes_are_drawn) {
   test_scene_frame(&s, v, TC_PERSPECTIVE, (double[3]){0, -1, 0});
   test_scene_knots(&s, TC_KNOT_OPACITY, part, 2);
   s.sampling.step = 50;
-  assert_true(tc_render(r, v, &s, NULL, &f, &plan, NULL));
+  assert_true(tc_render(r, v, &s, &(tc_render_request){.explanation = &plan}, &f, NULL));
   assert_false(plan.stages[TC_STAGE_SKIPPING].included);
   assert_true(f.stats.samples > 0 && f.stats.leaps == 0);
 }

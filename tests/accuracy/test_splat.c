@@ -244,7 +244,7 @@ TEST(splats_are_where_the_surface_is) {
     draw_now(&o, &scene, (wish){0}, &d);
     scene.mode = TC_MODE_ISOSURFACE;
     scene.isosurface.value = 0;
-    assert_true(tc_render(renderer, o.volume, &scene, &request, &truth, NULL, NULL));
+    assert_true(tc_render(renderer, o.volume, &scene, &request, &truth, NULL));
     double light = 0, depth = 0, deepest = 0;
     int both = 0, one = 0;
     for (int p = 0; p < SIDE * SIDE; p++) {
@@ -282,7 +282,7 @@ TEST(large_voxels_are_lit_smoothly) {
     draw_now(&o, &scene, (wish){0}, &d);
     scene.mode = TC_MODE_ISOSURFACE;
     scene.isosurface.value = 0;
-    assert_true(tc_render(renderer, o.volume, &scene, &(tc_render_request){.want_linear = true}, &truth, NULL, NULL));
+    assert_true(tc_render(renderer, o.volume, &scene, &(tc_render_request){.want_linear = true}, &truth, NULL));
     for (int p = 0; p < SIDE * SIDE; p++, n++) sum += pow((double)(d.frame.linear[4 * p] - truth.linear[4 * p]), 2);
     tc_scene_clear(&scene);
   }
@@ -325,7 +325,7 @@ static void expect_outlines(test_field of, const void *context, double most) {
     draw_now(&o, &scene, (wish){0}, &d);
     scene.mode = TC_MODE_ISOSURFACE;
     scene.isosurface.value = 0;
-    assert_true(tc_render(renderer, o.volume, &scene, &(tc_render_request){.want_linear = true}, &truth, NULL, NULL));
+    assert_true(tc_render(renderer, o.volume, &scene, &(tc_render_request){.want_linear = true}, &truth, NULL));
     for (int p = LARGE_SIDE; p < LARGE_SIDE * LARGE_SIDE; p++) {
       const bool here = d.frame.linear[4 * p + 3] > 0.5f, there = truth.linear[4 * p + 3] > 0.5f;
       rim += there != (truth.linear[4 * p - 1] > 0.5f) || there != (truth.linear[4 * (p - LARGE_SIDE) + 3] > 0.5f);
@@ -362,7 +362,7 @@ TEST(picks_are_as_deep_as_the_picture) {
       for (int x = 3; x < SIDE; x += 8) {
         tc_splat_hit hit;
         const double drawn = (double)d.frame.depth[y * SIDE + x];
-        const bool there = tc_splat_pick(o.volume, NULL, &scene, SIDE, SIDE, x + 0.5, y + 0.5, &hit);
+        const bool there = tc_splat_pick(o.volume, NULL, &scene, (double[]){x + 0.5, y + 0.5}, &hit);
         one += there != isfinite(drawn), both += there && isfinite(drawn);
         if (there && isfinite(drawn)) apart += fabs(hit.distance_mm - drawn);
       }
@@ -468,7 +468,7 @@ TEST(rims_do_not_shine) {
     draw_now(&o, &scene, (wish){0}, &d);
     scene.mode = TC_MODE_ISOSURFACE;
     scene.isosurface.value = 0;
-    assert_true(tc_render(renderer, o.volume, &scene, &(tc_render_request){.want_linear = true}, &truth, NULL, NULL));
+    assert_true(tc_render(renderer, o.volume, &scene, &(tc_render_request){.want_linear = true}, &truth, NULL));
     for (int p = 0; p < SIDE * SIDE; p++) {
       shown += d.frame.linear[4 * p + 3] > 0.5f;
       shining += (double)d.frame.linear[4 * p] > brightest(truth.linear, p % SIDE, p / SIDE, 3) + 0.15;
@@ -721,7 +721,7 @@ TEST(frames_are_made_in_pieces) {
   scene.splat.threshold[0] = 0.5;
   scene.clip.n_planes = 1;
   scene.clip.planes[0][0] = -1, scene.clip.planes[0][3] = scene.camera.target[0];
-  assert_true(tc_render(renderer, volume, &scene, NULL, &whole, NULL, NULL));
+  assert_true(tc_render(renderer, volume, &scene, NULL, &whole, NULL));
   tc_renderer_forget(renderer, volume);
   tc_interrupt interrupt;
   tc_interrupt_init(&interrupt);
@@ -730,7 +730,7 @@ TEST(frames_are_made_in_pieces) {
   int pauses = 0;
   GError *error = NULL;
   tc_halt_probe_begin(LLONG_MAX);
-  while (!tc_render(renderer, volume, &scene, &request, &parts, NULL, &error)) {
+  while (!tc_render(renderer, volume, &scene, &request, &parts, &error)) {
     assert_true(g_error_matches(error, TC_ERROR, TC_ERROR_PAUSED) && pauses++ < 1000);
     g_clear_error(&error);
     request.resume = true;
@@ -741,7 +741,7 @@ TEST(frames_are_made_in_pieces) {
   assert_true(pauses > 0);
   assert_memory_equal(whole.rgba, parts.rgba, 200 * 150 * 4);
   atomic_store(&interrupt.cancel, true);
-  assert_false(tc_render(renderer, volume, &scene, &request, &parts, NULL, &error));
+  assert_false(tc_render(renderer, volume, &scene, &request, &parts, &error));
   assert_true(g_error_matches(error, TC_ERROR, TC_ERROR_CANCELLED));
   g_clear_error(&error);
   tc_frame_finish(&whole);

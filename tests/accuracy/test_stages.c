@@ -92,7 +92,7 @@ static void draw(bench *b, const char *patch, tc_explanation *plan) {
   tcp_scene_context context = {.value_min = range->min, .value_max = range->max};
   if (!document) fail_msg("no JSON: %s", patch);
   if (!tcp_scene_patch(&scene, document, &b->start, &context, &error)) fail_msg("%s: %s", patch, error->message);
-  if (!tc_render(b->renderer, b->volume, &scene, NULL, &b->frame, plan, &error))
+  if (!tc_render(b->renderer, b->volume, &scene, &(tc_render_request){.explanation = plan}, &b->frame, &error))
     fail_msg("%s: %s", patch, error->message);
   cJSON_Delete(document);
   tc_scene_clear(&scene);

@@ -13,8 +13,8 @@ static const int counts[] = {1, 2, 4, 5, 8, 16};
 
 static void draw(tc_renderer *r, tc_volume *volume, const tc_scene *scene, tc_frame *frame, tc_explanation *plan) {
   GError *error = NULL;
-  tc_render_request request = {.want_linear = true};
-  if (!tc_render(r, volume, scene, &request, frame, plan, &error)) fail_msg("%s", error->message);
+  const tc_render_request request = {.want_linear = true, .explanation = plan};
+  if (!tc_render(r, volume, scene, &request, frame, &error)) fail_msg("%s", error->message);
 }
 
 static const tc_frame *render(int m, tc_volume *volume, const tc_scene *scene) {

@@ -55,7 +55,7 @@ typedef enum outcome { DRAWN, REFUSED, FAILED } outcome;
 static outcome draw(const char *name, tc_renderer *renderer, const subject *s, const tc_scene *scene, tc_frame *frame) {
   GError *error = NULL;
   const tc_render_request request = {.want_linear = true, .labels = s->labels, .table_size = s->table_size};
-  if (tc_render(renderer, s->volume, scene, &request, frame, NULL, &error)) return DRAWN;
+  if (tc_render(renderer, s->volume, scene, &request, frame, &error)) return DRAWN;
   broken("%s: %d %s: %s", name, error->code, tc_error_pointer(error), error->message);
   bool refused = error->code == TC_ERROR_UNSUPPORTED; /* a back end may do less than the plan allows, but says so */
   g_clear_error(&error);

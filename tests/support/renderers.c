@@ -40,9 +40,10 @@ int test_widest(void) {
 
 tc_frame *test_draw(int which, tc_volume *volume, const tc_scene *scene, const tc_render_request *request,
                     tc_explanation *plan) {
-  static const tc_render_request linear = {.want_linear = true};
+  tc_render_request asked = request ? *request : (tc_render_request){.want_linear = true};
   GError *error = NULL;
-  if (!tc_render(test_renderers[which], volume, scene, request ? request : &linear, &test_frames[which], plan, &error))
+  asked.explanation = plan;
+  if (!tc_render(test_renderers[which], volume, scene, &asked, &test_frames[which], &error))
     fail_msg("%s: %s", test_names[which], error->message);
   return &test_frames[which];
 }
@@ -55,7 +56,7 @@ int test_resumes(int which, tc_volume *volume, const tc_scene *scene) {
   tc_interrupt_init(&interrupt);
   atomic_store(&interrupt.pause_us, 1); /* long past */
   const tc_render_request request = {.interrupt = &interrupt, .resume = true};
-  while (!tc_render(test_renderers[which], volume, scene, &request, &frame, NULL, &error) && pauses++ < 2000) {
+  while (!tc_render(test_renderers[which], volume, scene, &request, &frame, &error) && pauses++ < 2000) {
     assert_true(g_error_matches(error, TC_ERROR, TC_ERROR_PAUSED));
     g_clear_error(&error);
   }

@@ -27,20 +27,20 @@ TEST(bits_outside_the_pixel_are_cut) {
   tc_dicom_target target = {.type = TC_U16};
   uint16_t u[4];
   assert_int_equal(tc_dicom_natural_type(&s), TC_U16);
-  assert_true(tc_dicom_convert(&s, bytes, sizeof bytes, 0, &target, u));
+  assert_true(tc_dicom_convert(&(tc_dicom_frame){s, bytes, sizeof bytes, 0}, &target, u));
   static const uint16_t want_u[4] = {0xfff, 0x800, 0x001, 0x234};
   assert_memory_equal(u, want_u, sizeof u);
   s = grey(16, 12, 11, true);
   int16_t i[4];
   target.type = tc_dicom_natural_type(&s);
   assert_int_equal(target.type, TC_I16);
-  assert_true(tc_dicom_convert(&s, bytes, sizeof bytes, 0, &target, i));
+  assert_true(tc_dicom_convert(&(tc_dicom_frame){s, bytes, sizeof bytes, 0}, &target, i));
   static const int16_t want_i[4] = {-1, -2048, 1, 0x234};
   assert_memory_equal(i, want_i, sizeof i);
   /* the same samples stored high, at 15..4 */
   const uint8_t shifted[8] = {0xf7, 0xff, 0x03, 0x80, 0x1f, 0x00, 0x40, 0x23};
   s = grey(16, 12, 15, true);
-  assert_true(tc_dicom_convert(&s, shifted, sizeof shifted, 0, &target, i));
+  assert_true(tc_dicom_convert(&(tc_dicom_frame){s, shifted, sizeof shifted, 0}, &target, i));
   assert_memory_equal(i, want_i, sizeof i);
 }
 
@@ -50,20 +50,20 @@ TEST(every_width_converts) {
   tc_dicom_samples s = grey(64, 64, 63, true);
   tc_dicom_target target = {.type = TC_F32, .rescale = true, .slope = 2, .intercept = 1};
   float out[4];
-  assert_true(tc_dicom_convert(&s, bytes, sizeof bytes, 0, &target, out));
+  assert_true(tc_dicom_convert(&(tc_dicom_frame){s, bytes, sizeof bytes, 0}, &target, out));
   for (int i = 0; i < 4; i++)
     assert_true(out[i] == (float)(2 * want[i] + 1));
   double lo = INFINITY, hi = -INFINITY;
-  assert_true(tc_dicom_range(&s, bytes, sizeof bytes, &lo, &hi));
+  assert_true(tc_dicom_range(&(tc_dicom_frame){s, bytes, sizeof bytes, 0}, &lo, &hi));
   assert_true(lo == -2 && hi == 5);
   const uint8_t narrow[4] = {0xff, 0x7f, 0x80, 0x00};
   int8_t i8[4];
   s = grey(8, 8, 7, true);
   target = (tc_dicom_target){.type = tc_dicom_natural_type(&s)};
   assert_int_equal(target.type, TC_I8);
-  assert_true(tc_dicom_convert(&s, narrow, 4, 0, &target, i8));
+  assert_true(tc_dicom_convert(&(tc_dicom_frame){s, narrow, 4, 0}, &target, i8));
   assert_true(i8[0] == -1 && i8[1] == 127 && i8[2] == -128 && i8[3] == 0);
-  assert_false(tc_dicom_convert(&s, narrow, 3, 0, &target, i8));
+  assert_false(tc_dicom_convert(&(tc_dicom_frame){s, narrow, 3, 0}, &target, i8));
 }
 
 TEST(single_bits_become_labels) {
@@ -72,10 +72,10 @@ TEST(single_bits_become_labels) {
   uint16_t out[4] = {9, 0, 9, 9};
   tc_overlaps overlaps;
   tc_overlaps_init(&overlaps, 9);
-  assert_true(tc_dicom_stamp(&s, bytes, 2, 3, 1, 7, &overlaps, out));
+  assert_true(tc_dicom_stamp(&(tc_dicom_frame){s, bytes, 2, 3}, 1, 7, &overlaps, out));
   static const uint16_t want[4] = {9, 7, 9, 10}; /* voxels of no segment stay, and two have a label of their own */
   assert_memory_equal(out, want, sizeof want);
-  assert_false(tc_dicom_stamp(&s, bytes, 1, 5, 1, 7, &overlaps, out));
+  assert_false(tc_dicom_stamp(&(tc_dicom_frame){s, bytes, 1, 5}, 1, 7, &overlaps, out));
   tc_overlaps_finish(&overlaps);
 }
 
@@ -88,10 +88,10 @@ TEST(colours_become_luma) {
   uint8_t out[4];
   s.per_pixel = 3;
   s.colour = TC_DICOM_RGB;
-  assert_true(tc_dicom_convert(&s, pixels, 12, 0, &target, out));
+  assert_true(tc_dicom_convert(&(tc_dicom_frame){s, pixels, 12, 0}, &target, out));
   assert_memory_equal(out, want, 4);
   s.planar = true;
-  assert_true(tc_dicom_convert(&s, planes, 12, 0, &target, out));
+  assert_true(tc_dicom_convert(&(tc_dicom_frame){s, planes, 12, 0}, &target, out));
   assert_memory_equal(out, want, 4);
 }
 

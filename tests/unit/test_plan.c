@@ -42,7 +42,7 @@ static void expect(fixture *f, tc_error_code code, const char *pointer) {
     fail_msg("wanted %d at %s, got %d at %s: %s", code, pointer, error->code, tc_error_pointer(error), error->message);
   g_error_free(error);
   /* The renderer refuses alike and goes on. */
-  assert_false(tc_render(f->renderer, f->volume, &f->scene, NULL, &f->frame, NULL, NULL));
+  assert_false(tc_render(f->renderer, f->volume, &f->scene, NULL, &f->frame, NULL));
 }
 
 /* One value everywhere has no range to fit a window or a transfer function to: a scene is found all the same. */
@@ -146,7 +146,7 @@ TEST_WITH(sizes_are_limited, set_up, tear_down) {
 
 static void render(fixture *f) {
   GError *error = NULL;
-  if (!tc_render(f->renderer, f->volume, &f->scene, NULL, &f->frame, &f->plan, &error)) fail_msg("%s", error->message);
+  if (!tc_render(f->renderer, f->volume, &f->scene, &(tc_render_request){.explanation = &f->plan}, &f->frame, &error)) fail_msg("%s", error->message);
 }
 
 /* A stage costs time only when it is built: stats say so per frame. */

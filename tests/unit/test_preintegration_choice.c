@@ -270,7 +270,8 @@ static double scene_error(const tcs_report_scene *s, int n, double lo, double hi
   tc_transfer_function tf = s->scene.transfer_function;
   tc_table_params p = {.tf = &tf, .slope = d->slope, .intercept = d->intercept, .voxel_lo = lo, .voxel_hi = hi, .n = n};
   p.step_mm = s->scene.sampling.step * fmin(d->spacing[0], fmin(d->spacing[1], d->spacing[2]));
-  *subtables = p.n_subtables = tc_table_subtables(s->volume, &tf, n, lo, hi, p.subtables, complete);
+  tc_table_subtables(s->volume, &p, complete);
+  *subtables = p.n_subtables;
   assert_true(d->slope == 1 && d->intercept == 0);
   double sum = 0, most = 0;
   medium m = {&tf, tc_table_build(&p, NULL, NULL), lo, hi, p.step_mm, TC_EDGE_UNITS, &most};

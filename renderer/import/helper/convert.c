@@ -120,7 +120,7 @@ static tc_voxel_type narrowest(const range *r) {
 #define ADD_FROM(type)                                                                                                 \
   for (size_t i = 0; i < n; i++) {                                                                                     \
     double v = (double)*(const type *)(from + i * stride);                                                             \
-    sums[i] = square ? hypot_add(sums[i], v) : sums[i] + weight * v;                                                   \
+    sums[i] = weight ? sums[i] + *weight * v : hypot_add(sums[i], v);                                                   \
   }
 
 /* Squares of anything but huge doubles sum without overflow. */
@@ -128,8 +128,8 @@ static double hypot_add(double sum, double v) {
   return fabs(v) > 1e150 || sum > 1e150 ? hypot(sum, v) : sqrt(sum * sum + v * v);
 }
 
-/* sums[i] += weight * v, or root of squares. `from` holds one component each `stride` bytes. */
-static void add_component(tc_element element, const uint8_t *from, size_t stride, size_t n, bool square, double weight,
+/* sums[i] += *weight * v; weight NULL: root of squares. `from` holds one component each `stride` bytes. */
+static void add_component(tc_element element, const uint8_t *from, size_t stride, size_t n, const double *weight,
                           double *sums) {
   switch (element) {
   case TC_ELEMENT_I8: ADD_FROM(int8_t); break;
@@ -216,7 +216,7 @@ static void combine(const loader *l, size_t n) {
   unsigned used = square ? r->components : 3;
   memset(l->sums, 0, n * sizeof *l->sums);
   for (unsigned c = 0; c < used; c++)
-    add_component(r->element, l->chunk + c * step, stride, n, square, square ? 1 : rec709[c], l->sums);
+    add_component(r->element, l->chunk + c * step, stride, n, square ? NULL : &rec709[c], l->sums);
 }
 
 static void store_sums(const loader *l, float *to, size_t n) {

@@ -28,7 +28,7 @@ Frame Decoder::frame(const Picture &p, uint32_t number) {
 Frame Decoder::looked_up(const Frame &stored, const Picture &p) {
   Frame f = stored;
   values_.resize(size_t(f.samples.rows) * size_t(f.samples.columns));
-  if (!tc_dicom_look_up(&f.samples, f.bytes, f.size, p.lookup.data(), p.lookup.size(), p.lookup_first, values_.data()))
+  if (!tc_dicom_look_up(&f, p.lookup.data(), p.lookup.size(), p.lookup_first, values_.data()))
     fail(TC_ERROR_FORMAT, "pixel data is cut, or no lookup table is for it");
   f.samples.allocated = f.samples.stored = 16;
   f.samples.high = 15;

@@ -11,12 +11,7 @@
 
 namespace dicom {
 
-struct Frame {
-  tc_dicom_samples samples;
-  const uint8_t *bytes;
-  size_t size;
-  unsigned first_bit;
-};
+using Frame = tc_dicom_frame;
 
 // The last file stays open, so frames of a multi-frame file cost one read. For one thread.
 class Decoder {

@@ -15,7 +15,7 @@ void stamp_layer(Job &job, Decoder &decoder, size_t from, size_t to, std::vector
   for (size_t item = from; item < to; item++) {
     const Member &m = job.at(item);
     Frame f = decoder.frame(*m.picture, m.frame);
-    if (!tc_dicom_stamp(&f.samples, f.bytes, f.size, f.first_bit, m.picture->segment_threshold, segment_of(job, item),
+    if (!tc_dicom_stamp(&f, m.picture->segment_threshold, segment_of(job, item),
                         &job.overlaps, labels.data()))
       fail(TC_ERROR_FORMAT, "pixel data of slice %u of %d is cut", job.stack.items[item].layer + 1, job.desc.dims[2]);
   }

@@ -42,10 +42,10 @@ static void make_layer(Job &job, Decoder &decoder, size_t from, size_t to, uint8
     target.intercept = m.scale.intercept;
     Frame f = decoder.frame(*m.picture, m.frame);
     if (job.colors) {
-      if (!tc_dicom_colors(&f.samples, f.bytes, f.size, layer)) fail(TC_ERROR_FORMAT, "pixel data of a picture is cut");
+      if (!tc_dicom_colors(&f, layer)) fail(TC_ERROR_FORMAT, "pixel data of a picture is cut");
       continue;
     }
-    if (!tc_dicom_convert(&f.samples, f.bytes, f.size, f.first_bit, &target, layer))
+    if (!tc_dicom_convert(&f, &target, layer))
       fail(TC_ERROR_FORMAT, "pixel data of slice %u of %d is cut", job.stack.items[item].layer + 1, job.desc.dims[2]);
     if (m.picture->label_map && m.picture->background) clear_background(job, m.picture->background, layer);
   }

@@ -109,7 +109,9 @@ static void rgb_of_ybr(double c[3], double most) {
 }
 
 /* Red, green and blue of pixel i of a whole frame, up to what its bits hold; of a grey one that, three times. */
-static void color(const tc_dicom_samples *s, const uint8_t *bytes, size_t pixels, size_t i, double c[3]) {
+static void color(const tc_dicom_frame *f, size_t pixels, size_t i, double c[3]) {
+  const tc_dicom_samples *s = &f->samples;
+  const uint8_t *bytes = f->bytes;
   size_t width = (size_t)s->allocated / 8;
   size_t step = s->planar ? pixels * width : width;
   const uint8_t *at = bytes + (s->planar ? i * width : i * width * (size_t)s->per_pixel);
@@ -123,24 +125,26 @@ static void color(const tc_dicom_samples *s, const uint8_t *bytes, size_t pixels
 }
 
 /* The grey value of pixel i of a whole frame. */
-static double pixel(const tc_dicom_samples *s, const uint8_t *bytes, size_t pixels, unsigned first_bit, size_t i) {
+static double pixel(const tc_dicom_frame *f, size_t pixels, size_t i) {
+  const tc_dicom_samples *s = &f->samples;
   double c[3];
   if (s->allocated == 1) {
-    size_t bit = first_bit + i;
-    return (bytes[bit / 8] >> (bit % 8)) & 1;
+    size_t bit = f->first_bit + i;
+    return (f->bytes[bit / 8] >> (bit % 8)) & 1;
   }
-  color(s, bytes, pixels, i, c);
+  color(f, pixels, i, c);
   return s->colour == TC_DICOM_GREY ? c[0]
                                     : round(luma(c[0], c[1], c[2]) * 255 / ((double)(UINT64_C(1) << s->stored) - 1));
 }
 
-bool tc_dicom_colors(const tc_dicom_samples *s, const uint8_t *bytes, size_t size, uint8_t *rgb) {
+bool tc_dicom_colors(const tc_dicom_frame *f, uint8_t *rgb) {
+  const tc_dicom_samples *s = &f->samples;
   const size_t pixels = (size_t)s->rows * (size_t)s->columns;
   const double most = (double)(UINT64_C(1) << s->stored) - 1;
   double c[3];
-  if (size < tc_dicom_frame_bytes(s)) return false;
+  if (f->size < tc_dicom_frame_bytes(s)) return false;
   for (size_t i = 0; i < pixels; i++) {
-    color(s, bytes, pixels, i, c);
+    color(f, pixels, i, c);
     for (int k = 0; k < 3; k++) rgb[3 * i + (size_t)k] = (uint8_t)clamp(round(c[k] * 255 / most), 0, 255);
   }
   return true;
@@ -158,17 +162,17 @@ static void store(tc_voxel_type type, void *voxels, size_t i, double value) {
 }
 
 /* The usual picture, 8 or 16 bits into its natural type: no detour over doubles. True when it was one. */
-static bool convert_plain(const tc_dicom_samples *s, const uint8_t *bytes, size_t pixels, const tc_dicom_target *target,
-                          void *voxels) {
+static bool convert_plain(const tc_dicom_frame *f, size_t pixels, const tc_dicom_target *target, void *voxels) {
+  const tc_dicom_samples *s = &f->samples;
   if (s->is_float || s->colour != TC_DICOM_GREY || target->type != tc_dicom_natural_type(s)) return false;
   if (s->allocated != 8 && s->allocated != 16) return false;
   if (s->stored == s->allocated) { /* nothing to cut */
-    memcpy(voxels, bytes, pixels * (size_t)s->allocated / 8);
+    memcpy(voxels, f->bytes, pixels * (size_t)s->allocated / 8);
     return true;
   }
   bool narrow = target->type == TC_U8 || target->type == TC_I8;
   for (size_t i = 0; i < pixels; i++) {
-    int64_t value = integer_sample(s, bytes + i * (size_t)s->allocated / 8);
+    int64_t value = integer_sample(s, f->bytes + i * (size_t)s->allocated / 8);
     if (narrow)
       ((uint8_t *)voxels)[i] = (uint8_t)value;
     else
@@ -177,26 +181,30 @@ static bool convert_plain(const tc_dicom_samples *s, const uint8_t *bytes, size_
   return true;
 }
 
-bool tc_dicom_convert(const tc_dicom_samples *s, const uint8_t *bytes, size_t size, unsigned first_bit,
-                      const tc_dicom_target *target, void *voxels) {
+/* Bytes that the frame takes from its first bit on. */
+static uint64_t bytes_of(const tc_dicom_frame *f, size_t pixels) {
+  return f->samples.allocated == 1 ? ((uint64_t)f->first_bit + pixels + 7) / 8 : tc_dicom_frame_bytes(&f->samples);
+}
+
+bool tc_dicom_convert(const tc_dicom_frame *f, const tc_dicom_target *target, void *voxels) {
+  const tc_dicom_samples *s = &f->samples;
   size_t pixels = (size_t)s->rows * (size_t)s->columns;
-  uint64_t needed = s->allocated == 1 ? ((uint64_t)first_bit + pixels + 7) / 8 : tc_dicom_frame_bytes(s);
-  if (size < needed) return false;
-  if (convert_plain(s, bytes, pixels, target, voxels)) return true;
+  if (f->size < bytes_of(f, pixels)) return false;
+  if (convert_plain(f, pixels, target, voxels)) return true;
   for (size_t i = 0; i < pixels; i++) {
-    double value = pixel(s, bytes, pixels, first_bit, i);
+    double value = pixel(f, pixels, i);
     store(target->type, voxels, i, target->rescale ? target->slope * value + target->intercept : value);
   }
   return true;
 }
 
-bool tc_dicom_look_up(const tc_dicom_samples *s, const uint8_t *bytes, size_t size, const uint16_t *table, size_t count,
-                      int32_t first, uint16_t *values) {
+bool tc_dicom_look_up(const tc_dicom_frame *f, const uint16_t *table, size_t count, int32_t first, uint16_t *values) {
+  const tc_dicom_samples *s = &f->samples;
   const size_t pixels = (size_t)s->rows * (size_t)s->columns, width = (size_t)s->allocated / 8;
-  if (s->is_float || s->colour != TC_DICOM_GREY || (width != 1 && width != 2) || size < tc_dicom_frame_bytes(s))
+  if (s->is_float || s->colour != TC_DICOM_GREY || (width != 1 && width != 2) || f->size < tc_dicom_frame_bytes(s))
     return false;
   for (size_t i = 0; i < pixels; i++) {
-    const int64_t at = integer_sample(s, bytes + i * width) - first;
+    const int64_t at = integer_sample(s, f->bytes + i * width) - first;
     values[i] = table[CLAMP(at, 0, (int64_t)count - 1)];
   }
   return true;
@@ -220,26 +228,27 @@ static void stamp_bits(const uint8_t *bytes, size_t pixels, unsigned first_bit, 
   }
 }
 
-bool tc_dicom_stamp(const tc_dicom_samples *s, const uint8_t *bytes, size_t size, unsigned first_bit, double threshold,
-                    uint32_t segment, tc_overlaps *overlaps, uint16_t *labels) {
+bool tc_dicom_stamp(const tc_dicom_frame *f, double threshold, uint32_t segment, tc_overlaps *overlaps,
+                    uint16_t *labels) {
+  const tc_dicom_samples *s = &f->samples;
   const size_t pixels = (size_t)s->rows * (size_t)s->columns;
-  const uint64_t needed = s->allocated == 1 ? ((uint64_t)first_bit + pixels + 7) / 8 : tc_dicom_frame_bytes(s);
-  if (size < needed) return false;
+  if (f->size < bytes_of(f, pixels)) return false;
   if (s->allocated == 1) {
-    stamp_bits(bytes, pixels, first_bit, segment, overlaps, labels);
+    stamp_bits(f->bytes, pixels, f->first_bit, segment, overlaps, labels);
     return true;
   }
   for (size_t i = 0; i < pixels; i++)
-    if (pixel(s, bytes, pixels, first_bit, i) >= threshold)
+    if (pixel(f, pixels, i) >= threshold)
       labels[i] = (uint16_t)tc_overlaps_label(overlaps, labels[i], segment);
   return true;
 }
 
-bool tc_dicom_range(const tc_dicom_samples *s, const uint8_t *bytes, size_t size, double *lo, double *hi) {
-  if (size < tc_dicom_frame_bytes(s)) return false;
-  size_t pixels = (size_t)s->rows * (size_t)s->columns;
+bool tc_dicom_range(const tc_dicom_frame *f, double *lo, double *hi) {
+  const tc_dicom_samples *s = &f->samples;
+  if (f->size < tc_dicom_frame_bytes(s)) return false;
+  const size_t pixels = (size_t)s->rows * (size_t)s->columns;
   for (size_t i = 0; i < pixels; i++) {
-    double value = pixel(s, bytes, pixels, 0, i);
+    double value = pixel(f, pixels, i);
     if (value < *lo) *lo = value;
     if (value > *hi) *hi = value;
   }

@@ -27,7 +27,15 @@ typedef struct tc_dicom_samples {
   tc_dicom_colour colour;
 } tc_dicom_samples;
 
-/* What becomes of them. */
+/* One frame: `size` bytes, which begin at bit first_bit (0 unless allocated is 1). Borrowed. */
+typedef struct tc_dicom_frame {
+  tc_dicom_samples samples;
+  const uint8_t *bytes;
+  size_t size;
+  unsigned first_bit;
+} tc_dicom_frame;
+
+/* What becomes of its samples. */
 typedef struct tc_dicom_target {
   tc_voxel_type type;
   bool rescale; /* value = slope * sample + intercept, for TC_F32 only */
@@ -48,26 +56,23 @@ bool tc_dicom_unpack(const tc_dicom_samples *samples, const uint8_t *bytes, size
 /* The storage type that holds every sample as it is; wide integers give TC_F32 (see tc_dicom_range to narrow). */
 tc_voxel_type tc_dicom_natural_type(const tc_dicom_samples *samples);
 
-/* Converts one frame. bytes [size] hold the frame, beginning at bit `first_bit` (0 unless allocated is 1); voxels
- * [rows][columns] of target->type. False when the bytes are too few. */
-bool tc_dicom_convert(const tc_dicom_samples *samples, const uint8_t *bytes, size_t size, unsigned first_bit,
-                      const tc_dicom_target *target, void *voxels);
+/* Converts one frame to voxels [rows][columns] of target->type. False when the bytes are too few. */
+bool tc_dicom_convert(const tc_dicom_frame *frame, const tc_dicom_target *target, void *voxels);
 
 /* What samples stand for: table [count], count >= 1, from sample `first` on; those before and after it have its ends.
  * False for other than grey integers of 8 or 16 bits, or when the bytes are too few. */
-bool tc_dicom_look_up(const tc_dicom_samples *samples, const uint8_t *bytes, size_t size, const uint16_t *table,
-                      size_t count, int32_t first, uint16_t *values);
+bool tc_dicom_look_up(const tc_dicom_frame *frame, const uint16_t *table, size_t count, int32_t first, uint16_t *values);
 
 /* Colours of at most 16 bits a sample as r, g, b [rows][columns][3]; grey ones as grey. False when the bytes are too few. */
-bool tc_dicom_colors(const tc_dicom_samples *samples, const uint8_t *bytes, size_t size, uint8_t *rgb);
+bool tc_dicom_colors(const tc_dicom_frame *frame, uint8_t *rgb);
 
 /* The same of a frame of a segment (1..overlaps->last): pixels whose samples are at or above `threshold` join it, others
  * leave the labels [rows][columns] alone. */
-bool tc_dicom_stamp(const tc_dicom_samples *samples, const uint8_t *bytes, size_t size, unsigned first_bit,
-                    double threshold, uint32_t segment, tc_overlaps *overlaps, uint16_t *labels);
+bool tc_dicom_stamp(const tc_dicom_frame *frame, double threshold, uint32_t segment, tc_overlaps *overlaps,
+                    uint16_t *labels);
 
 /* Widens [*lo, *hi] by the samples of one grey frame. False when the bytes are too few. */
-bool tc_dicom_range(const tc_dicom_samples *samples, const uint8_t *bytes, size_t size, double *lo, double *hi);
+bool tc_dicom_range(const tc_dicom_frame *frame, double *lo, double *hi);
 
 /* out = (1 - part) * below + part * above, voxel by voxel [count]; integers are rounded to the nearest. */
 void tc_dicom_mix_layers(tc_voxel_type type, const void *below, const void *above, double part, size_t count, void *out);

@@ -62,7 +62,7 @@ static tc_voxel_type narrow_type(const Job &job, const Run &run) {
   double lo = INFINITY, hi = -INFINITY;
   for (size_t i = 0; i < job.stack.count; i++) {
     Frame f = decoder.frame(*job.at(i).picture, job.at(i).frame);
-    if (!tc_dicom_range(&f.samples, f.bytes, f.size, &lo, &hi)) fail(TC_ERROR_FORMAT, "pixel data is cut");
+    if (!tc_dicom_range(&f, &lo, &hi)) fail(TC_ERROR_FORMAT, "pixel data is cut");
   }
   if (lo >= 0 && hi <= 255) return TC_U8;
   if (lo >= -128 && hi <= 127) return TC_I8;

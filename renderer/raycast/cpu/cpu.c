@@ -181,7 +181,7 @@ static void fill_args(tc_cpu_args *a, const tc_frame_job *job) {
 
 static bool fill_cover(cpu_backend *b, const tc_frame_job *job, tc_cpu_args *a, GError **error) {
   tc_cover *c = &b->cover;
-  if (!tc_cover_fill(c, job->have.boxes, job->volume, job->rays, job->frame->width, job->frame->height, b->pool, error))
+  if (!tc_cover_fill(c, job->have.boxes, job->volume, job->rays, b->pool, error))
     return false;
   a->cover = *c;
   return true;
