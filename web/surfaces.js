@@ -56,6 +56,7 @@ export class Surfaces {
     list.forEach((surface, i) => {
       const { value, color, own, opacity, eye, look } = this.#rows[i];
       if (own) own.disabled = !surface.color;
+      if (own) color.classList.toggle('unset', !surface.color); // it shows no colour of theirs
       if (look) look.value = surface.model ?? '';
       if (value && document.activeElement !== value) value.value = surface.value;
       if (document.activeElement !== opacity) opacity.value = surface.opacity;

@@ -347,6 +347,17 @@ describe('page and fake server', { skip }, () => {
       (await list()).map(({ plane, opacity }) => plane ?? opacity),
       [0.5, 'axial'],
     );
+    const organs = { ...(await scene(page)), mesh: { surfaces: [{ mesh: 'organs', opacity: 1, visible: true }] } };
+    await page.click('#scene-open');
+    await page.fill('#scene-text', JSON.stringify(organs));
+    await page.click('#scene-load');
+    const own = '[aria-label="Own colour of surface 1"]';
+    await page.waitForSelector(`${own}:disabled`, { state: 'attached' });
+    await page.fill('[aria-label="Colour of surface 1"]', '#ff0000');
+    assert.deepEqual((await list())[0].color, [1, 0, 0]);
+    await page.click(own);
+    assert.ok(!('color' in (await list())[0]), "the mesh's own again");
+    await page.waitForSelector('#surfaces-list .unset');
     await page.close();
   });
 
