@@ -11,7 +11,9 @@
 #define MOST_CUTS (CHUNK / (TC_CLUSTER_VERTICES / 3) + 1)
 #define DIGIT_BITS 12
 #define DIGITS (1 << DIGIT_BITS)
-#define AXIS_BITS 8 /* of a key: three times as many are two digits */
+/* Of a key: three times as many are two digits. Four, one digit, would leave a cluster a row of cells long: 7 % less time here
+ * for frames a quarter to a third slower (7.3 million triangles, AMD EPYC). */
+#define AXIS_BITS 8
 #define LEFT_OUT ((1u << 3 * AXIS_BITS) - 1) /* key of a triangle that nobody can see: after all others */
 
 /* One instruction each; the first where the second is no number. */
