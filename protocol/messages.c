@@ -155,6 +155,10 @@ cJSON *tcp_measured_error(const tcp_frame_header *header) {
   tcp_add(object, "high", cJSON_CreateNumber(header->high));
   tcp_add(object, "max", cJSON_CreateNumber(header->max));
   tcp_add(object, "pixels", cJSON_CreateNumber(header->pixels));
+  if (!header->surface_both && !header->surface_one) return object;
+  tcp_add(object, "depthRms", cJSON_CreateNumber(header->depth_rms));
+  tcp_add(object, "depthMax", cJSON_CreateNumber(header->depth_max));
+  tcp_add(object, "outline", cJSON_CreateNumber((double)header->surface_one / header->pixels));
   return object;
 }
 

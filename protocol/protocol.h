@@ -117,12 +117,14 @@ typedef struct tcp_frame_header {
   bool has_error;
   double rms, low, high, max;
   int pixels;
+  int surface_both, surface_one; /* of these pixels: with the surface in picture and reference, and in one of them only */
+  double depth_rms, depth_max;   /* mm, where both have it */
   const char *volume;     /* id of the volume it shows; NULL */
   const char *unmeasured; /* why the meter that was asked for cannot measure this picture; NULL */
   const char *scene;      /* JSON text of tcp_scene_write_shown() of the scene it shows; NULL */
   uint64_t others;        /* changes of the scene so far that were not the viewer's; with `scene` */
 } tcp_frame_header;
-/* {"rms","low","high","max","pixels"} of a header that has an error. */
+/* {"rms","low","high","max","pixels"} of a header that has an error, and "depthRms","depthMax","outline" of surfaces. */
 cJSON *tcp_measured_error(const tcp_frame_header *header);
 /* 4-byte little-endian length + JSON text; g_malloc'ed, *size bytes; the image bytes follow it on the wire. */
 uint8_t *tcp_frame_header_write(const tcp_frame_header *header, size_t *size);

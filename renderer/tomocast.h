@@ -67,7 +67,7 @@ typedef struct tc_frame {
   uint8_t *rgba;     /* [height][width][4], row 0 on top, sRGB; alpha straight (255 unless background is transparent) */
   float *linear;     /* [height][width][4], only on request: premultiplied colour in the compositing space and opacity,
                         without the background; for measurements */
-  float *depth;      /* [height][width], only on request and in mode isosurface: mm from the eye to the surface along the
+  float *depth;      /* [height][width], only on request and in modes isosurface, mesh and splat: mm from the eye to the surface along the
                         pixel's ray (the nearest of several rays), infinite where no ray meets the surface */
   size_t capacity;   /* pixels allocated in rgba */
   size_t linear_capacity, depth_capacity;
@@ -79,8 +79,9 @@ typedef struct tc_frame {
 double tc_frame_done(const tc_frame *frame);
 /* How many calls in a row were paused before they made any progress on this paused frame. */
 int tc_frame_fruitless(const tc_frame *frame);
-/* Bytes that drawing a frame of the scene needs, without the layers of surfaces in a volume. */
-uint64_t tc_frame_need(const tc_scene *scene, int width, int height, bool linear);
+/* Bytes that drawing a frame of the scene needs, without the layers of surfaces in a volume. measured: with linear colour
+ * and depth. */
+uint64_t tc_frame_need(const tc_scene *scene, int width, int height, bool measured);
 /* Bytes of the frame's buffers and of what a paused frame keeps beside them. */
 uint64_t tc_frame_bytes(const tc_frame *frame);
 
@@ -93,7 +94,7 @@ void tc_frame_finish(tc_frame *frame); /* frees the buffers; a zeroed frame is f
 typedef struct tc_render_request {
   int width, height;          /* 0 = the scene's own; smaller while a user drags (the camera's view stays the same) */
   bool want_linear;           /* fill frame->linear too */
-  bool want_depth;            /* and frame->depth, in mode isosurface */
+  bool want_depth;            /* and frame->depth, in the modes that have one */
   const tc_interrupt *interrupt; /* ends the call with TC_ERROR_CANCELLED or TC_ERROR_PAUSED; may be NULL */
   tc_explanation *explanation; /* says of a finished frame what was drawn and why, with the milliseconds and bytes of each
                                   stage; may be NULL */

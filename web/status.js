@@ -24,12 +24,16 @@ const number = (value) => (value === undefined ? '\u2013' : value >= 100 ? value
 
 const in255 = (value) => (value * 255).toPrecision(2).replace(/e.*/, (power) => power.replace('+', ''));
 
-/** What the error meter found, with half of its 95 % interval: "error 0.40/255 \u00b1 0.10, max 3.1 (64 px)"; its time is beside it. */
+/** What the error meter found, with half of its 95 % interval: "error 0.40/255 \u00b1 0.10, max 3.1 (64 px)", and of surfaces how far they are off; its time is beside it. */
 export function errorText({ error, unmeasured }) {
   if (unmeasured) return `error not measured: ${unmeasured}`;
   if (!error) return '';
   const spread = (error.high - error.low) / 2;
-  return `error ${in255(error.rms)}/255 \u00b1 ${in255(spread)}, max ${in255(error.max)} (${error.pixels} px)`;
+  const surface =
+    error.depthRms === undefined
+      ? ''
+      : `; depth ${error.depthRms.toPrecision(2)} mm, outline ${(100 * error.outline).toPrecision(2)} % of pixels`;
+  return `error ${in255(error.rms)}/255 \u00b1 ${in255(spread)}, max ${in255(error.max)} (${error.pixels} px)${surface}`;
 }
 
 export class Status {

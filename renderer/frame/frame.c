@@ -46,9 +46,9 @@ double tc_frame_done(const tc_frame *frame) {
 
 int tc_frame_fruitless(const tc_frame *frame) { return frame->progress ? frame->progress->fruitless : 0; }
 
-uint64_t tc_frame_need(const tc_scene *scene, int width, int height, bool linear) {
+uint64_t tc_frame_need(const tc_scene *scene, int width, int height, bool measured) {
   const uint64_t within = tc_mesh_is_within(scene) ? TC_WITHIN_BYTES : 0;
-  return (uint64_t)width * (uint64_t)height * (4 + (linear ? 16 : 0) + within);
+  return (uint64_t)width * (uint64_t)height * (4 + (measured ? 20 : 0) + within);
 }
 
 uint64_t tc_frame_bytes(const tc_frame *f) {

@@ -21,7 +21,7 @@
 
 typedef struct meter_pixel {
   int x, y;
-  float rgba[4];
+  float rgba[4], depth; /* depth: NaN where the frame has none */
 } meter_pixel;
 
 struct tc_meter {
@@ -88,6 +88,7 @@ tc_meter *tc_meter_new(const tc_frame *frame, int count, uint64_t seed) {
     meter_pixel *p = &m->pixels[i];
     const float *from = frame->linear + 4 * ((size_t)p->y * (size_t)frame->width + (size_t)p->x);
     for (int c = 0; c < 4; c++) p->rgba[c] = from[c];
+    p->depth = frame->depth ? frame->depth[(size_t)p->y * (size_t)frame->width + (size_t)p->x] : NAN;
   }
   return m;
 }
@@ -226,6 +227,30 @@ tc_reference *tc_meter_reference(tc_volume *volume, tc_volume *labels, tc_mesh *
   return r;
 }
 
+/* As a frame's depth: the nearest of the pixel's rays; infinite where none meets a surface. */
+static double nearest_of(const tc_reference *reference, const tc_scene *scene, const meter_pixel *p) {
+  tc_subpixel rays[TC_MAX_RAYS_PER_PIXEL];
+  const int count = scene->sampling.rays_per_pixel;
+  double nearest = INFINITY;
+  tc_subpixel_rays(count, rays);
+  for (int r = 0; r < count; r++) {
+    tc_reference_hit hit;
+    if (tc_reference_surface(reference, p->x + 0.5 + rays[r].x, p->y + 0.5 + rays[r].y, &hit))
+      nearest = fmin(nearest, hit.distance_mm);
+  }
+  return nearest;
+}
+
+/* *squares sums squares of millimetres. */
+static void compare_depth(double drawn, double truth, double *squares, tc_meter_result *result) {
+  const double apart = fabs(drawn - truth);
+  result->one += isfinite(drawn) != isfinite(truth);
+  if (!isfinite(drawn) || !isfinite(truth)) return;
+  result->both++;
+  *squares += apart * apart;
+  result->depth_max = fmax(result->depth_max, apart);
+}
+
 bool tc_meter_measure(const tc_meter *meter, tc_volume *volume, tc_volume *labels, tc_mesh *const *meshes,
                       const tc_scene *scene, const atomic_bool *cancel, double most_ms, tc_meter_result *result,
                       GError **error) {
@@ -236,6 +261,7 @@ bool tc_meter_measure(const tc_meter *meter, tc_volume *volume, tc_volume *label
   double *squares = reference ? malloc((size_t)meter->count * sizeof *squares) : NULL;
   if (reference && !squares) tc_set_error(error, TC_ERROR_MEMORY, NULL, "error meter: out of memory");
   bool stopped = false;
+  double millimetres = 0;
   int n = 0;
   while (squares && n < meter->count) {
     const meter_pixel *p = &meter->pixels[n];
@@ -243,10 +269,13 @@ bool tc_meter_measure(const tc_meter *meter, tc_volume *volume, tc_volume *label
     tc_meter_truth(reference, scene, p->x, p->y, 1, wanted);
     for (int c = 0; c < 4; c++) got[c] = (double)p->rgba[c];
     squares[n++] = tc_meter_square(scene, got, wanted, &result->max);
+    if (tc_meter_wants_depth(scene) && !isnan(p->depth))
+      compare_depth((double)p->depth, nearest_of(reference, scene, p), &millimetres, result);
     stopped = cancel && atomic_load_explicit(cancel, memory_order_relaxed);
     if (stopped || (most_ms > 0 && tc_now_ms() - start > most_ms)) break;
   }
   if (squares) tc_meter_estimate(squares, n, result);
+  if (result->both) result->depth_rms = sqrt(millimetres / result->both);
   if (stopped) tc_set_error(error, TC_ERROR_CANCELLED, NULL, "cancelled");
   result->ms = tc_now_ms() - start;
   bool good = squares && !stopped;

@@ -331,9 +331,10 @@ static void run_slice(tcs_task *task) {
     set_cancelled(job);
     return;
   }
+  const bool metered = job->meter_pixels > 0;
   const tc_render_request request = {
       .width = job->width, .height = job->height, .interrupt = &job->interrupt, .building = &job->building, .resume = job->slices > 1,
-      .labels = job->labels, .meshes = job->meshes, .want_linear = job->meter_pixels > 0, .hurry = job->hurry, .moving = job->moving};
+      .labels = job->labels, .meshes = job->meshes, .want_linear = metered, .want_depth = metered && tc_meter_wants_depth(&job->scene), .hurry = job->hurry, .moving = job->moving};
   if (job->plan_only) {
     tc_renderer_explain(renderer, job->volume, &job->scene, &request, &job->plan, &job->error);
     return;
@@ -349,9 +350,10 @@ static void run_slice(tcs_task *task) {
   job->out_height = job->frame.height;
   if (!job->meter_pixels) return;
   job->meter = tc_meter_new(&job->frame, job->meter_pixels, job->revision);
-  /* Four times the picture's bytes: not kept for frames that do not ask. */
+  /* Five times the picture's bytes: not kept for frames that do not ask. */
   g_clear_pointer(&job->frame.linear, free);
-  job->frame.linear_capacity = 0;
+  g_clear_pointer(&job->frame.depth, free);
+  job->frame.linear_capacity = job->frame.depth_capacity = 0;
 }
 
 /* What a picture will have taken once it is encoded. */

@@ -44,6 +44,8 @@ static void tell(const tcs_measure *m) {
   header->high = m->result.high;
   header->max = m->result.max;
   header->pixels = m->result.pixels;
+  header->surface_both = m->result.both, header->surface_one = m->result.one;
+  header->depth_rms = m->result.depth_rms, header->depth_max = m->result.depth_max;
 }
 
 static void done(tcs_task *task) {

@@ -154,6 +154,46 @@ TEST(what_has_no_reference_is_said) {
   scene.error_meter.pixels = 0;
 }
 
+/* ---- how far a surface is off ---- */
+
+static tc_meter_result surface_measured(const tc_frame *frame, const tc_scene *s) {
+  GError *error = NULL;
+  tc_meter_result found;
+  tc_meter *meter = tc_meter_new(frame, WIDTH * HEIGHT, 1);
+  if (!tc_meter_measure(meter, volume, NULL, NULL, s, NULL, 0, &found, &error)) fail_msg("%s", error->message);
+  tc_meter_free(meter);
+  return found;
+}
+
+/* Of every pixel: what is drawn, the same a quarter of a millimetre further off, and without some of it. */
+TEST(depths_and_outlines_are_measured) {
+  tc_scene s = scene; /* borrows */
+  s.isosurface.value = s.window.center;
+  s.sampling.step = 0.125;
+  for (int m = 0; m < 3; m++) {
+    s.mode = m == 1 ? TC_MODE_MESH : TC_MODE_ISOSURFACE, s.sampling.rays_per_pixel = m < 2 ? 1 : 4;
+    GError *error = NULL;
+    g_auto(tc_frame) drawn = {0};
+    const tc_render_request request = {.want_linear = true, .want_depth = true};
+    if (!tc_render(renderer, volume, &s, &request, &drawn, &error)) fail_msg("%s", error->message);
+    const tc_meter_result as_drawn = surface_measured(&drawn, &s);
+    int gone = 0;
+    for (int i = 0; i < WIDTH * HEIGHT; i++) drawn.depth[i] += 0.25f;
+    const tc_meter_result moved = surface_measured(&drawn, &s);
+    for (int i = 0; i < WIDTH * HEIGHT && gone < 50; i++)
+      if (isfinite(drawn.depth[i])) drawn.depth[i] = INFINITY, gone++;
+    const tc_meter_result cut = surface_measured(&drawn, &s);
+    printf("  %s, %d rays: depth %.1e mm rms, %.1e at most, of %d pixels; %d at the outline; 0.25 mm off: %.4f\n",
+           tc_mode_names[s.mode], s.sampling.rays_per_pixel, as_drawn.depth_rms, as_drawn.depth_max, as_drawn.both,
+           as_drawn.one, moved.depth_rms);
+    assert_true(as_drawn.both > 200 && as_drawn.depth_rms <= as_drawn.depth_max && as_drawn.depth_rms < 0.05);
+    assert_true(fabs(moved.depth_rms - 0.25) <= as_drawn.depth_rms + 1e-6); /* the triangle inequality of rms */
+    assert_true(moved.both == as_drawn.both && moved.one == as_drawn.one);
+    assert_true(abs(cut.one - as_drawn.one) <= gone && cut.both >= as_drawn.both - gone && cut.both < as_drawn.both);
+    assert_int_equal(cut.both + cut.one, as_drawn.both + as_drawn.one);
+  }
+}
+
 /* ---- several rays a pixel, labels ---- */
 
 /* What the meter says of the scene in all modes that it can measure is what it said of coarse steps, and of fine ones

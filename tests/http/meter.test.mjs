@@ -137,6 +137,8 @@ test('several rays a pixel and labels are measured', async () => {
     assert.equal(header.unmeasured, undefined);
     assert.equal(header.error.pixels, 200);
     assert.ok(header.error.rms < 4e-3, JSON.stringify([scene, header.error])); // fine steps: of any other truth it were not
+    assert.equal(header.error.depthRms !== undefined, scene.mode === 'isosurface'); // a root is exact: microns
+    if (scene.mode) assert.ok(header.error.depthMax < 0.01 && header.error.outline <= 0.01, JSON.stringify(header.error));
     assert.ok((await stageOf(session, 'error-meter')).included);
     await ws.close();
   }
