@@ -1,24 +1,32 @@
-// A bad client in a thread of its own, so that its work does not delay what is measured here, and can be ended.
-import { Worker } from 'node:worker_threads';
+// A bad client in a process of its own, which can be ended.
+//
+// A stranger brings a machine of its own: here its work must not take the processors from the daemon, whose drawing runs
+// at a lower priority than usual. So the whole process is of the lowest: its start, compilers and collectors of garbage too.
+import { fork } from 'node:child_process';
+import { fileURLToPath } from 'node:url';
 
 const END_MS = 3000;
+const LOWEST = { execPath: 'nice', execArgv: ['-n', '19', process.execPath] };
 
-/** @returns {{stop(): Promise<{counts, trouble?}>}} */
-export function startBad(name, { target, volume, image, rate }) {
-  const worker = new Worker(new URL('./bad_thread.mjs', import.meta.url), {
-    workerData: { name, base: target.base.href, token: target.token, address: target.address, volume, image, rate },
-  });
-  let says = { counts: {}, trouble: '' };
-  worker.on('message', (message) => (says = message));
-  worker.on('error', (error) => (says = { ...says, trouble: error.message }));
-  const ended = new Promise((resolve) => worker.on('exit', resolve));
+/** Starts the process, which waits. @returns {{begin(), stop(): Promise<{counts, cpuMs, trouble}>}} */
+export async function startBad(name, { target, volume, image, rate }) {
+  const child = fork(fileURLToPath(new URL('./bad_process.mjs', import.meta.url)), [], LOWEST);
+  let says = { counts: {}, cpuMs: 0, trouble: '' };
+  const ended = new Promise((resolve) => child.on('exit', resolve).on('error', resolve));
+  child.on('message', (message) => (says = message));
+  child.on('error', (error) => (says = { ...says, trouble: error.message }));
+  await Promise.race([new Promise((resolve) => child.once('message', resolve)), ended]);
+  const send = (what) => child.connected && child.send(what, () => {});
   let stopping;
   const stop = async () => {
-    worker.postMessage('stop');
-    const late = setTimeout(() => worker.terminate(), END_MS);
+    send('stop');
+    const late = setTimeout(() => child.kill('SIGKILL'), END_MS);
     await ended;
     clearTimeout(late);
     return says;
   };
-  return { stop: () => (stopping ??= stop()) };
+  return {
+    begin: () => send({ name, base: target.base.href, token: target.token, address: target.address, volume, image, rate }),
+    stop: () => (stopping ??= stop()),
+  };
 }

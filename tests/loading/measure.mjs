@@ -28,6 +28,7 @@ export async function measure(setup, run) {
   try {
     for (const client of clients) await client.open();
     await rest?.open();
+    if (run.bad) bad = await startBad(run.bad, { ...setup, target: from(run.clients) });
     for (const client of clients) client.start();
     await pause(WARM_MS, run);
     const before = await scrape(target);
@@ -36,14 +37,14 @@ export async function measure(setup, run) {
     health = new HealthProbe(target, began);
     watch = new ProcessWatch(setup.pid, began);
     rest?.start();
-    if (run.bad) bad = startBad(run.bad, { ...setup, target: from(run.clients) });
+    bad?.begin();
     await pause(run.seconds * 1000, run, () => run.onTick?.(clients, performance.now() - began));
     const ended = performance.now();
     const chargedThen = await renderTimes(target);
     await settle(clients, run);
     const badSays = await bad?.stop();
     await health.stop();
-    watch.stop();
+    watch.stop(badSays?.cpuMs);
     const after = await scrape(target);
     const renderMs = clients.map(({ session }) => (chargedThen.get(session) ?? NaN) - (charged.get(session) ?? NaN));
     return report({ setup, run, clients, rest, health, watch, before, after, renderMs, began, ended, badSays });

@@ -90,12 +90,13 @@ export class ProcessWatch {
     this.peakMiB = state.peakMiB;
   }
 
-  stop() {
+  /** besideMs: processor time of what this tool ran beside. */
+  stop(besideMs = 0) {
     this.#look();
     clearInterval(this.timer);
     this.delay.disable();
     const then = spent();
-    this.elsewhereMs = then.elsewhereMs - this.spent.elsewhereMs;
+    this.elsewhereMs = then.elsewhereMs - this.spent.elsewhereMs - besideMs;
     this.stolenMs = then.stolenMs === null ? null : then.stolenMs - this.spent.stolenMs;
     this.forMs = then.at - this.spent.at;
   }
