@@ -53,7 +53,7 @@ static void begin_pixel(within *w, size_t p) {
 
 /* As many as the frame's memory holds, too. */
 static uint32_t most_layers(const within *w) {
-  const uint64_t room = w->job->spare_bytes / sizeof *w->found;
+  const uint64_t room = w->job->spare_bytes / 2 / sizeof *w->found;
   return room < tc_mesh_most_layers ? (uint32_t)room : tc_mesh_most_layers;
 }
 

@@ -45,6 +45,7 @@ typedef struct drawing {
   atomic_int drawn;     /* tiles */
   atomic_bool left;     /* some tile was not drawn to the end */
   atomic_bool no_memory;
+  atomic_size_t spare;  /* bytes that layers may still take */
   bool translucent, textured; /* some surface is */
 } drawing;
 
@@ -252,10 +253,19 @@ static size_t draw_clusters(drawing *d, worker *w, size_t n, tc_raster_tile *to)
 
 /* ---- translucent layers ---- */
 
+/* False: there are not so many left. */
+static bool take_bytes(drawing *d, size_t bytes) {
+  size_t spare = atomic_load(&d->spare);
+  while (bytes <= spare)
+    if (atomic_compare_exchange_weak(&d->spare, &spare, spare - bytes)) return true;
+  return false;
+}
+
 /* For so many and a quarter more. */
-static bool make_room(tc_raster_layers *layers, size_t n) {
+static bool make_room(drawing *d, tc_raster_layers *layers, size_t n) {
   const size_t room = n + n / 4 < MOST_ROW ? n + n / 4 : MOST_ROW;
-  tc_raster_layer *of = realloc(layers->of, 2 * room * sizeof *of);
+  const bool fits = take_bytes(d, 2 * (room - layers->room) * sizeof *layers->of);
+  tc_raster_layer *of = fits ? realloc(layers->of, 2 * room * sizeof *of) : NULL;
   if (of) layers->of = of, layers->room = room;
   return of != NULL;
 }
@@ -321,7 +331,8 @@ static void keep_seen(drawing *d, worker *w) {
   const tc_raster_fragments *f = &w->fragments;
   if (w->n_seen + TC_RASTER_BATCH > w->seen_room) {
     const size_t room = 2 * w->seen_room + TC_RASTER_PIXELS;
-    tc_raster_seen *seen = room <= MOST_SEEN ? realloc(w->seen, room * sizeof *seen) : NULL;
+    const bool fits = room <= MOST_SEEN && take_bytes(d, (room - w->seen_room) * sizeof *w->seen);
+    tc_raster_seen *seen = fits ? realloc(w->seen, room * sizeof *seen) : NULL;
     if (seen)
       w->seen = seen, w->seen_room = room;
     else
@@ -459,7 +470,7 @@ static bool draw_layers(drawing *d, worker *w, size_t n) {
       return false;
     } else if (w->layers.n > w->layers.room) { /* once more, with room for them */
       end = y, w->counts = before;
-      if (w->layers.n <= MOST_ROW && make_room(&w->layers, w->layers.n)) continue;
+      if (w->layers.n <= MOST_ROW && make_room(d, &w->layers, w->layers.n)) continue;
       atomic_store(&d->no_memory, true);
       return false;
     } else {
@@ -567,7 +578,7 @@ static void add_counts(tc_raster_counts *to, const tc_raster_counts *from) {
 }
 
 bool tc_raster_draw(const tc_raster_job *job, tc_raster_counts *counts, GError **error) {
-  drawing d = {.job = job};
+  drawing d = {.job = job, .spare = job->spare_bytes};
   set_up_frame(&d);
   d.tiles_x = (job->view->width + TC_RASTER_SIDE - 1) / TC_RASTER_SIDE;
   d.tiles_y = (job->view->height + TC_RASTER_SIDE - 1) / TC_RASTER_SIDE;

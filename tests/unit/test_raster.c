@@ -24,6 +24,7 @@ typedef struct drawing {
   const tc_raster_surface *surfaces; /* NULL: one, opaque */
   const float *channels;             /* of colored surfaces */
   const tc_raster_look *looks;       /* two of them; NULL: one, with its light at the camera */
+  size_t spare_bytes; /* 0: no bound */
 } drawing;
 
 static bool runs(const char *isa) {
@@ -55,7 +56,7 @@ static bool try_draw(const tc_clusters *mesh, const drawing *d, picture *p, GErr
                              .looks = d->looks ? d->looks : &look, .n_looks = d->looks ? 2 : 1,
                              .surfaces = d->surfaces ? d->surfaces : &one_surface, .channels = d->channels,
                              .n_samples = d->samples > 1 ? 5 : 1, .samples = d->samples > 1 ? several : one,
-                             .forward = d->forward, .emit = keep, .user = p, .pool = d->pool};
+                             .forward = d->forward, .spare_bytes = d->spare_bytes ? d->spare_bytes : SIZE_MAX, .emit = keep, .user = p, .pool = d->pool};
   p->width = d->width, p->height = d->height;
   p->counts = (tc_raster_counts){0};
   return tc_raster_draw(&job, &p->counts, error);
@@ -732,6 +733,25 @@ TEST(too_many_layers_are_refused) {
   assert_false(try_draw(c, &d, p, &error));
   assert_true(g_error_matches(error, TC_ERROR, TC_ERROR_MEMORY) && strstr(error->message, "show fewer"));
   g_clear_error(&error);
+  tc_clusters_free(c);
+  test_free(p);
+}
+
+/* 50 layers in each pixel of one tile, 24 bytes each, and room for a quarter more. */
+TEST(layers_take_no_more_memory_than_there_is) {
+  GError *error = NULL;
+  picture *p = new_picture();
+  tc_clusters *c = cluster(stack(50, 50));
+  drawing d = {.camera = above, .width = 64, .height = 64, .surfaces = &(tc_raster_surface){{1, 1, 1}, 0.001f, false}};
+  const size_t bytes = 50 * 64 * 64 * 24;
+  d.spare_bytes = bytes - 1;
+  assert_false(try_draw(c, &d, p, &error));
+  assert_true(g_error_matches(error, TC_ERROR, TC_ERROR_MEMORY));
+  g_clear_error(&error);
+  d.spare_bytes = bytes + bytes / 4;
+  draw(c, &d, p);
+  printf("  %llu layers in %zu bytes\n", (unsigned long long)p->counts.layers, d.spare_bytes);
+  assert_int_equal(p->counts.layers, 50 * 64 * 64);
   tc_clusters_free(c);
   test_free(p);
 }
