@@ -58,22 +58,19 @@ TEST(observed_orders) {
   table_size = 2048; /* so that its own error stays below the finest step's */
   for (size_t i = 0; i < 2 * G_N_ELEMENTS(wanted); i++) {
     const tc_classification way = wanted[i / 2].way;
-    tc_volume *volume = test_volume(&grid, cells[i % 2], NULL);
+    g_autoptr(tc_volume) volume = test_volume(&grid, cells[i % 2], NULL);
     const tc_knot knots[] = {{.value = -0.2, .color = {0, 0.3, 1}, .amount = 0.3 * wanted[i / 2].most},
                              {.value = 1.2, .color = {1, 0.6, 0}, .amount = wanted[i / 2].most}};
-    tc_scene scene;
+    g_auto(tc_scene) scene;
     test_scene(&scene, 24, 24);
     test_scene_knots(&scene, TC_KNOT_EXTINCTION, knots, 2);
     test_scene_look(&scene, TC_ORTHOGRAPHIC, (double[3]){-60, -55, -50}, (double[3]){20, 20, 20}, 8);
-    float *want = test_reference(volume, &scene, 0);
+    g_autofree float *want = test_reference(volume, &scene, 0);
     scene.classification = way;
     EACH_RENDERER(r) {
       double order = order_of(r, volume, &scene, want);
       if (!(fabs(order - wanted[i / 2].order) <= 0.15)) fail_msg("%s, %s: order %g", names[way], test_names[r], order);
     }
-    free(want);
-    tc_scene_clear(&scene);
-    tc_volume_unref(volume);
   }
   table_size = 0;
 }
@@ -88,12 +85,12 @@ TEST(post_at_midpoints) {
   const tc_knot knots[] = {{.value = 0, .color = {0, 0.3, 1}, .amount = 0},
                            {.value = 1, .color = {1, 0.6, 0}, .amount = 0.08}};
   const test_grid grid = {.dims = {2, 2, 2}, .type = TC_F32, .spacing = {40, 40, 40}};
-  tc_volume *volume = test_volume(&grid, fading, NULL);
-  tc_scene scene;
+  g_autoptr(tc_volume) volume = test_volume(&grid, fading, NULL);
+  g_auto(tc_scene) scene;
   test_scene(&scene, 16, 16);
   test_scene_knots(&scene, TC_KNOT_EXTINCTION, knots, 2);
   test_scene_look(&scene, TC_ORTHOGRAPHIC, (double[3]){-60, 20, 20}, (double[3]){20, 20, 20}, 30);
-  float *want = test_reference(volume, &scene, 0);
+  g_autofree float *want = test_reference(volume, &scene, 0);
   scene.classification = TC_POST;
   EACH_RENDERER(r)
     for (int middle = 0; middle < 2; middle++) {
@@ -109,9 +106,6 @@ TEST(post_at_midpoints) {
              error[3]);
       if (!(fabs(order - 1 - middle) <= 0.15)) fail_msg("%s: order %g", test_names[r], order);
     }
-  free(want);
-  tc_scene_clear(&scene);
-  tc_volume_unref(volume);
 }
 
 TEST(all_converge) {
@@ -119,13 +113,13 @@ TEST(all_converge) {
   for (size_t t = 0; t < G_N_ELEMENTS(types); t++) {
     const double slopes[TC_VOXEL_TYPE_COUNT] = {[TC_U8] = 1.0 / 255, [TC_U16] = 1.0 / 65535};
     test_grid grid = {.dims = {24, 22, 20}, .type = types[t], .slope = slopes[types[t]]};
-    tc_volume *volume = test_volume(&grid, test_waves, &(double){20});
-    tc_scene scene;
+    g_autoptr(tc_volume) volume = test_volume(&grid, test_waves, &(double){20});
+    g_auto(tc_scene) scene;
     test_scene(&scene, 32, 24);
     test_scene_knots(&scene, TC_KNOT_EXTINCTION, test_soft, G_N_ELEMENTS(test_soft));
     scene.image.linear_light = t == 1;
     test_scene_frame(&scene, volume, TC_PERSPECTIVE, (double[3]){0.8, -1.5, 0.6});
-    float *want = test_reference(volume, &scene, 0);
+    g_autofree float *want = test_reference(volume, &scene, 0);
     for (int way = 0; way < TC_CLASSIFICATION_COUNT; way++) {
       scene.classification = (tc_classification)way;
       scene.sampling.step = 1.0 / 32;
@@ -136,24 +130,21 @@ TEST(all_converge) {
           fail_msg("%s, %s: off by %g", names[way], test_names[isa], d.max);
       }
     }
-    free(want);
-    tc_scene_clear(&scene);
-    tc_volume_unref(volume);
   }
 }
 
 /* Every size there may be, with segments across the whole range both ways: an entry read from a wrong place shows. */
 TEST(every_size_of_table) {
   const test_grid grid = {.dims = {9, 9, 9}, .type = TC_U16, .slope = 1.0 / 65535};
-  tc_volume *volume = test_volume(&grid, test_noise, &(unsigned){5});
-  tc_scene scene;
+  g_autoptr(tc_volume) volume = test_volume(&grid, test_noise, &(unsigned){5});
+  g_auto(tc_scene) scene;
   test_scene(&scene, 32, 24);
   test_scene_knots(&scene, TC_KNOT_EXTINCTION, test_soft, G_N_ELEMENTS(test_soft));
   test_scene_frame(&scene, volume, TC_PERSPECTIVE, (double[3]){0.8, -1.5, 0.6});
   scene.sampling.step = 1.5;
   table_size = 2048;
   size_t bytes = pixels_of(&scene) * sizeof(float[4]);
-  float *want = malloc(bytes);
+  g_autofree float *want = malloc(bytes);
   memcpy(want, render(SCALAR, volume, &scene), bytes);
   for (table_size = 256; table_size <= TC_MAX_TABLE_SIZE; table_size *= 2) {
     double most = 0;
@@ -167,9 +158,6 @@ TEST(every_size_of_table) {
            (double)plan.stages[TC_STAGE_TABLE_2D].bytes / 1e6);
   }
   table_size = 0;
-  free(want);
-  tc_scene_clear(&scene);
-  tc_volume_unref(volume);
 }
 
 /* Scenes from a seed over classification and order: bounds, orders equal, leaps without a trace, instruction sets
@@ -182,7 +170,7 @@ static void random_scene(uint64_t seed) {
     grid.dims[k] = 1 + (int)(test_random(&s) * 14);
     grid.spacing[k] = pow(10, 2 * test_random(&s) - 1);
   }
-  tc_volume *volume = test_volume(&grid, test_noise, &noise);
+  g_autoptr(tc_volume) volume = test_volume(&grid, test_noise, &noise);
   tc_knot knots[7];
   size_t n = 1 + (size_t)(test_random(&s) * 7);
   tc_knot_kind kind = test_random(&s) < 0.5 ? TC_KNOT_OPACITY : TC_KNOT_EXTINCTION;
@@ -194,7 +182,7 @@ static void random_scene(uint64_t seed) {
     for (int c = 0; c < 3; c++) most[c] = fmax(most[c], knots[i].color[c] = test_random(&s));
     if (test_random(&s) < 0.7) value += pow(10, -5 * test_random(&s));
   }
-  tc_scene scene;
+  g_auto(tc_scene) scene;
   test_scene(&scene, 13, 9);
   test_scene_knots(&scene, kind, knots, n);
   scene.transfer_function.unit_distance_mm = pow(10, 4 * test_random(&s) - 2);
@@ -228,8 +216,6 @@ static void random_scene(uint64_t seed) {
         fail_msg("seed %llu, %s, %s: orders differ by %g", (unsigned long long)seed, names[scene.classification],
                  test_names[isa], d.max);
     }
-  tc_scene_clear(&scene);
-  tc_volume_unref(volume);
 }
 
 TEST(random_scenes) {
@@ -275,10 +261,10 @@ TEST(combinations) {
   static const tc_knot core[] = {{.value = 0.55, .color = {0.1, 0.5, 1}},
                                  {.value = 0.6, .color = {1, 0.9, 0.2}, .amount = 0.3},
                                  {.value = 0.9, .color = {1, 0.2, 0.1}, .amount = 2}};
-  tc_volume *volume =
+  g_autoptr(tc_volume) volume =
       test_volume(&(test_grid){.dims = {24, 30, 26}, .type = TC_I16, .slope = 1.0 / 32767}, test_waves, &(double){26});
-  tc_volume *labels = test_volume(&(test_grid){.dims = {20, 30, 26}, .type = TC_U8}, quarters, NULL);
-  tc_scene scene;
+  g_autoptr(tc_volume) labels = test_volume(&(test_grid){.dims = {20, 30, 26}, .type = TC_U8}, quarters, NULL);
+  g_auto(tc_scene) scene;
   test_scene(&scene, 40, 32);
   test_scene_knots(&scene, TC_KNOT_EXTINCTION, core, G_N_ELEMENTS(core));
   test_scene_frame(&scene, volume, TC_PERSPECTIVE, (double[3]){0.8, -1.5, 0.6});
@@ -290,29 +276,24 @@ TEST(combinations) {
     for (int order = 0; order < TC_ORDER_COUNT; order++) {
       scene.order = (tc_compositing_order)order;
       scene.skipping.mode = TC_SKIPPING_AUTO;
-      float *cpu = picture(test_widest(), volume, labels, &scene);
+      g_autofree float *cpu = picture(test_widest(), volume, labels, &scene);
       drawn[order] = picture(GL, volume, labels, &scene);
       leaps += test_frames[GL].stats.leaps;
       expect_close("cpu and gl", drawn[order], cpu, &scene, 1.0 / 255);
       scene.skipping.mode = TC_SKIPPING_OFF;
-      float *whole = (n + order) % 2 ? picture(GL, volume, labels, &scene) : NULL;
+      g_autofree float *whole = (n + order) % 2 ? picture(GL, volume, labels, &scene) : NULL;
       if (whole && memcmp(whole, drawn[order], 16 * pixels_of(&scene))) fail_msg("%s: leaping shows", plan.kernel);
-      g_free(cpu);
-      g_free(whole);
     }
     if (scene.sampling.termination == 0) expect_close("both orders", drawn[0], drawn[1], &scene, 2e-6);
     g_free(drawn[0]);
     g_free(drawn[1]);
   }
   assert_true(!test_renderers[GL] || leaps > 300);
-  tc_scene_clear(&scene);
-  tc_volume_unref(volume);
-  tc_volume_unref(labels);
 }
 
 TEST(the_plan_says_so) {
-  tc_volume *volume = tc_volume_demo("bucky", NULL);
-  tc_scene scene;
+  g_autoptr(tc_volume) volume = tc_volume_demo("bucky", NULL);
+  g_auto(tc_scene) scene;
   test_scene(&scene, 16, 16);
   test_scene_knots(&scene, TC_KNOT_EXTINCTION, test_soft, G_N_ELEMENTS(test_soft));
   test_scene_frame(&scene, volume, TC_PERSPECTIVE, (double[3]){0.8, -1.5, 0.6});
@@ -330,8 +311,6 @@ TEST(the_plan_says_so) {
     /* one set of integrals for all three */
     if (one) assert_true(test_frames[0].stats.tables_ms == 0 || way == TC_APPROXIMATE);
   }
-  tc_scene_clear(&scene);
-  tc_volume_unref(volume);
 }
 
 /* A long rise to an extinction of 1e5/mm is opaque within a hundred-thousandth of its way: rays that graze its foot are
@@ -339,12 +318,13 @@ TEST(the_plan_says_so) {
 TEST(the_foot_of_a_stiff_rise) {
   const tc_knot knots[] = {{.value = 0, .color = {0.2, 0.4, 0.9}}, {.value = 0.4, .color = {0.2, 0.4, 0.9}},
                            {.value = 1, .color = {0.9, 0.6, 0.3}, .amount = 1e5}};
-  tc_volume *volume = test_volume(&(test_grid){.dims = {24, 20, 22}, .type = TC_F32}, test_waves, &(double){14});
-  tc_scene scene;
+  g_autoptr(tc_volume) volume =
+      test_volume(&(test_grid){.dims = {24, 20, 22}, .type = TC_F32}, test_waves, &(double){14});
+  g_auto(tc_scene) scene;
   test_scene(&scene, 40, 40);
   test_scene_knots(&scene, TC_KNOT_EXTINCTION, knots, 3);
   test_scene_frame(&scene, volume, TC_PERSPECTIVE, (double[3]){1, -0.6, 0.4});
-  float *want = test_reference(volume, &scene, 1e-8);
+  g_autofree float *want = test_reference(volume, &scene, 1e-8);
   for (int way = TC_PREINTEGRATED; way <= TC_PREINTEGRATED2; way++)
     EACH_RENDERER(i) {
       double rms[2];
@@ -356,9 +336,6 @@ TEST(the_foot_of_a_stiff_rise) {
       printf("  %-14s %-7s rms %.1e at a step of 0.5, %.1e at 0.25\n", names[way], test_names[i], rms[0], rms[1]);
       assert_true(rms[1] < 1.05 * rms[0] && rms[1] < 1e-3);
     }
-  g_free(want);
-  tc_scene_clear(&scene);
-  tc_volume_unref(volume);
 }
 
 TESTS(test_renderers_open, test_renderers_close)

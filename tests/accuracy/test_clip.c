@@ -85,8 +85,8 @@ TEST(random_cuts_agree_with_the_reference) {
     if (trial % 5 != TC_F32) g.slope = trial % 5 < 2 ? 1.0 / 120 : 1.0 / 30000;
     const double tilted[9] = {0.8, -0.6, 0.1, 0.6, 0.8, 0, 0, 0, 1};
     if (trial % 3) memcpy(g.direction, tilted, sizeof tilted);
-    tc_volume *v = test_volume(&g, test_waves, &wavelength);
-    tc_scene s;
+    g_autoptr(tc_volume) v = test_volume(&g, test_waves, &wavelength);
+    g_auto(tc_scene) s;
     test_scene(&s, SIDE, SIDE);
     const tc_knot knots[] = {{0.35, {0.2, 0.4, 1}, 0}, {0.6, {1, 0.8, 0.3}, 0.2}, {1, {1, 0.3, 0.2}, 0.5}};
     test_scene_knots(&s, TC_KNOT_EXTINCTION, knots, 3);
@@ -94,7 +94,7 @@ TEST(random_cuts_agree_with_the_reference) {
     test_scene_frame(&s, v, trial % 2 ? TC_PERSPECTIVE : TC_ORTHOGRAPHIC, side);
     random_clip(&s, v, &seed);
     s.sampling.step = 0.2;
-    float *truth = test_reference(v, &s, 0);
+    g_autofree float *truth = test_reference(v, &s, 0);
     for (int i = 0; i < PIXELS; i++)
       if (truth[4 * i + 3] > 0.01f) { shown++; break; }
     EACH_RENDERER(b) {
@@ -106,9 +106,6 @@ TEST(random_cuts_agree_with_the_reference) {
       assert_memory_equal(leapt, test_draw(b, v, &s, NULL, NULL)->linear, PIXELS * 16);
       s.skipping.mode = TC_SKIPPING_AUTO;
     }
-    g_free(truth);
-    tc_scene_clear(&s);
-    tc_volume_unref(v);
   }
   EACH_RENDERER(b) printf("%-6s: worst rms against the reference %.2e over 24 cuts\n", test_names[b], worst_rms[b]);
   assert_true(shown > 12);

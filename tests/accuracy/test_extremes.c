@@ -269,7 +269,8 @@ TEST(bent_random_scenes) {
 TEST(opacity_grows) {
   enum { SIDE = 8, CUTS = 8 };
   unsigned seed = 7;
-  tc_volume *volume = test_volume(&(test_grid){.dims = {SIDE, SIDE, SIDE}, .type = TC_F32}, test_noise, &seed);
+  g_autoptr(tc_volume) volume =
+      test_volume(&(test_grid){.dims = {SIDE, SIDE, SIDE}, .type = TC_F32}, test_noise, &seed);
   const tc_knot knots[] = {{.value = 0.3, .amount = 0}, {.value = 0.3, .color = {1, 1, 1}, .amount = 0.02},
                            {.value = 0.8, .color = {1, 0.5, 0}, .amount = 0.3}, {.value = 0.9, .amount = 1e4}};
   double worst = 0, end[2], lo[3], hi[3];
@@ -307,7 +308,6 @@ TEST(opacity_grows) {
     tc_scene_clear(s);
   }
   printf("  opacity falls by %.1e at most\n", worst);
-  tc_volume_unref(volume);
 }
 
 /* ---- neighbours one last bit apart within a wide range ---- */
@@ -319,19 +319,19 @@ static double last_bits(double x, double y, double z, const void *unused) {
 }
 
 TEST(one_last_bit_apart) {
-  tc_volume *volume = test_volume(&(test_grid){.dims = {16, 8, 8}, .type = TC_F32}, last_bits, NULL);
+  g_autoptr(tc_volume) volume = test_volume(&(test_grid){.dims = {16, 8, 8}, .type = TC_F32}, last_bits, NULL);
   const tc_knot knots[] = {{.value = 0, .color = {0, 0.1, 1}, .amount = 0.02},
                            {.value = 65536, .color = {1, 0.6, 0}, .amount = 0.3}};
   double worst[TC_CLASSIFICATION_COUNT] = {0};
   for (int way = 0; way < TC_CLASSIFICATION_COUNT * TC_FILTER_COUNT; way++) {
-    tc_scene s;
+    g_auto(tc_scene) s;
     test_scene(&s, 5, 5);
     test_scene_knots(&s, TC_KNOT_EXTINCTION, knots, 2);
     test_scene_look(&s, TC_ORTHOGRAPHIC, (double[3]){9, -20, 3.4}, (double[3]){9.3, 4, 3.6}, 4);
     s.filter = (tc_filter)(way % TC_FILTER_COUNT);
     s.classification = (tc_classification)(way / TC_FILTER_COUNT);
     s.sampling.step = 0.01;
-    float *want = test_reference(volume, &s, 0);
+    g_autofree float *want = test_reference(volume, &s, 0);
     EACH_RENDERER(r) {
       const float *p = test_draw(r, volume, &s, NULL, NULL)->linear;
       double off = 0;
@@ -339,14 +339,11 @@ TEST(one_last_bit_apart) {
       worst[s.classification] = fmax(worst[s.classification], off);
     }
     assert_true(want[3] > 0.5);
-    g_free(want);
-    tc_scene_clear(&s);
   }
   for (int i = 0; i < TC_CLASSIFICATION_COUNT; i++) { /* linearized: half an opacity's square of each segment */
     printf("  %-14s %.1e\n", tc_classification_names[i], worst[i]);
     assert_true(worst[i] <= (i == TC_LINEARIZED ? 5e-4 : 1e-5));
   }
-  tc_volume_unref(volume);
 }
 
 /* ---- what has no meaning is refused, and the member is named ---- */
@@ -366,7 +363,7 @@ static void refused(const char *pointer, const tc_volume *volume, const tc_scene
 TEST(meaningless) {
   static const double bad[] = {NAN, INFINITY, -INFINITY};
   test_case c = plain_case(0, TC_U8);
-  tc_volume *volume = test_case_volume(&c);
+  g_autoptr(tc_volume) volume = test_case_volume(&c);
   const tc_scene good = c.scene;
 #define REFUSED(pointer, ...)                                                                                          \
   do {                                                                                                                 \
@@ -408,7 +405,6 @@ TEST(meaningless) {
   REFUSED("/transferFunction/points", s.transfer_function.count = 0);
   tc_knot unsorted[2] = {{.value = 1, .amount = 1}, {.value = 0, .amount = 1}};
   REFUSED("/transferFunction/points/1", s.transfer_function.points = unsorted; s.transfer_function.count = 2);
-  tc_volume_unref(volume);
 }
 
 /* Numbers that are finite but whose squares, or distances, are not: either a sane picture or a refusal that names a
@@ -416,7 +412,7 @@ TEST(meaningless) {
 TEST(far_away) {
   static const double sizes[] = {1e7, 1e12, 1e30, 1e155, 1e300, 1e-300};
   test_case c = plain_case(0, TC_I16);
-  tc_volume *volume = test_case_volume(&c);
+  g_autoptr(tc_volume) volume = test_case_volume(&c);
   const tc_scene good = c.scene;
   for (size_t i = 0; i < G_N_ELEMENTS(sizes); i++)
     for (int member = 0; member < 7; member++)
@@ -441,7 +437,6 @@ TEST(far_away) {
           fail_msg("member %d at %g: %s", member, sizes[i], test_judged_why);
         }
       }
-  tc_volume_unref(volume);
 }
 
 TESTS(test_judge_open, test_judge_close)

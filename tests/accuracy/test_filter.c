@@ -167,10 +167,10 @@ TEST(everyone_agrees) {
   double worst[RENDERERS] = {0};
   size_t ties = 0, compared = 0;
   for (int type = 0; type < TC_VOXEL_TYPE_COUNT; type++) {
-    tc_volume *volume = waves((tc_voxel_type)type);
+    g_autoptr(tc_volume) volume = waves((tc_voxel_type)type);
     for (int k = 0; k < KINDS; k++)
       for (int m = 0; m < MODES + TC_SLAB_PROJECTION_COUNT; m++) {
-        tc_scene scene;
+        g_auto(tc_scene) scene;
         scene_of(&scene, volume, &kinds[k], modes[m < MODES ? m : MODES - 1], 0.7);
         if (m >= MODES - 1) scene.mpr.projection = (tc_slab_projection)(m - MODES);
         if (m == MODES - 1) scene.mpr.thickness_mm = 0, scene.mpr.projection = TC_SLAB_MIP;
@@ -188,9 +188,7 @@ TEST(everyone_agrees) {
             else worst[i] = fmax(worst[i], d);
           }
         }
-        tc_scene_clear(&scene);
       }
-    tc_volume_unref(volume);
   }
   EACH_RENDERER(i) if (i != SCALAR) printf("  %s against scalar: max %.2e but for ties\n", test_names[i], worst[i]);
   printf("  over 1/255: %zu of %zu pixels\n", ties, compared);
@@ -282,7 +280,7 @@ TEST(prefilter_passes_through_voxels) {
   enum { N = 11 };
   unsigned seed = 8;
   for (int type = 0; type < TC_VOXEL_TYPE_COUNT; type++) {
-    tc_volume *volume =
+    g_autoptr(tc_volume) volume =
         test_volume(&(test_grid){.dims = {N, N, 4}, .type = (tc_voxel_type)type, .slope = 0.01}, test_noise, &seed);
     for (int z = 0; z < 4; z++)
       EACH_RENDERER(i) {
@@ -307,7 +305,6 @@ TEST(prefilter_passes_through_voxels) {
         if (type == TC_F32 && z == 0) printf("  %s: off by %.1e, smoothed %.1e\n", test_names[i], worst[1], worst[0]);
         assert_true(worst[1] < 2e-5 && worst[0] > 0.05);
       }
-    tc_volume_unref(volume);
   }
 }
 

@@ -133,7 +133,7 @@ TEST(test_voxel_types) {
   for (size_t i = 0; i < G_N_ELEMENTS(kinds); i++) {
     test_grid grid = {
         .dims = {48, 40, 44}, .type = kinds[i].type, .slope = kinds[i].slope, .intercept = kinds[i].intercept};
-    tc_volume *volume = test_volume(&grid, test_waves, &wavelength);
+    g_autoptr(tc_volume) volume = test_volume(&grid, test_waves, &wavelength);
     tc_scene scene;
     char what[64];
     for (int projection = 0; projection < TC_PROJECTION_COUNT; projection++)
@@ -147,7 +147,6 @@ TEST(test_voxel_types) {
         expect_equal(what, volume, &scene, 0);
         tc_scene_clear(&scene);
       }
-    tc_volume_unref(volume);
   }
 }
 
@@ -155,15 +154,13 @@ TEST(test_noise_volume) {
   needs(gl);
   const unsigned seed = 7;
   test_grid grid = {.dims = {64, 64, 64}, .type = TC_U16, .slope = 1.0 / 65535};
-  tc_volume *volume = test_volume(&grid, test_noise, &seed);
-  tc_scene scene;
+  g_autoptr(tc_volume) volume = test_volume(&grid, test_noise, &seed);
+  g_auto(tc_scene) scene;
   test_scene(&scene, 300, 300);
   test_scene_frame(&scene, volume, TC_PERSPECTIVE, oblique);
   set_knots(&scene, volume, TC_KNOT_EXTINCTION, steep, G_N_ELEMENTS(steep));
   /* White noise under jumps: neighbouring positions differ by whole features, so that rounding of a position shows. */
   expect_equal("noise, steep", volume, &scene, 1e-3);
-  tc_scene_clear(&scene);
-  tc_volume_unref(volume);
 }
 
 TEST(test_awkward_sizes) {
@@ -176,7 +173,7 @@ TEST(test_awkward_sizes) {
     for (int type = 0; type < TC_VOXEL_TYPE_COUNT; type += 3) {
       test_grid grid = {.type = (tc_voxel_type)type, .slope = type == TC_U8 ? 1.0 / 255 : 1.0 / 32767};
       memcpy(grid.dims, sizes[i], sizeof grid.dims);
-      tc_volume *volume = test_volume(&grid, test_noise, &seed);
+      g_autoptr(tc_volume) volume = test_volume(&grid, test_noise, &seed);
       tc_scene scene;
       char what[64];
       for (int projection = 0; projection < TC_PROJECTION_COUNT; projection++) {
@@ -189,7 +186,6 @@ TEST(test_awkward_sizes) {
         expect_equal(what, volume, &scene, 0);
         tc_scene_clear(&scene);
       }
-      tc_volume_unref(volume);
     }
 }
 
@@ -200,7 +196,8 @@ static void look_at_long_volume(const char *what, const test_grid *grid, double 
   const unsigned seed = 3;
   const double wavelength = 40;
   const int axis = grid->dims[0] > 1000 ? 0 : 2;
-  tc_volume *volume = along ? test_volume(grid, test_waves, &wavelength) : test_volume(grid, test_noise, &seed);
+  g_autoptr(tc_volume) volume =
+      along ? test_volume(grid, test_waves, &wavelength) : test_volume(grid, test_noise, &seed);
   double lo[3], hi[3], middle[3], from[3];
   tc_volume_index_box(volume, lo, hi);
   for (int k = 0; k < 3; k++) middle[k] = 0.5 * (lo[k] + hi[k]);
@@ -208,13 +205,11 @@ static void look_at_long_volume(const char *what, const test_grid *grid, double 
   memcpy(from, middle, sizeof from);
   from[along ? axis : 1] -= along ? 3000 : 20;
   from[0] += 0.1;
-  tc_scene scene;
+  g_auto(tc_scene) scene;
   test_scene(&scene, 140, 140);
   test_scene_look(&scene, TC_ORTHOGRAPHIC, from, middle, along ? height / 4 : height);
   set_knots(&scene, volume, TC_KNOT_OPACITY, soft, G_N_ELEMENTS(soft));
   expect_equal(what, volume, &scene, 0);
-  tc_scene_clear(&scene);
-  tc_volume_unref(volume);
 }
 
 TEST(test_long_volumes) {
@@ -254,14 +249,12 @@ TEST(test_geometry) {
         .origin = {-1234.5, 987, 4321}}},
       {"rotated and mirrored", {.dims = {40, 30, 35}, .type = TC_F32, .direction = {c, s, 0, s, -c, 0, 0, 0, -1}}}};
   for (size_t i = 0; i < G_N_ELEMENTS(cases); i++) {
-    tc_volume *volume = test_volume(&cases[i].grid, test_waves, &wavelength);
-    tc_scene scene;
+    g_autoptr(tc_volume) volume = test_volume(&cases[i].grid, test_waves, &wavelength);
+    g_auto(tc_scene) scene;
     test_scene(&scene, 160, 160);
     test_scene_frame(&scene, volume, TC_PERSPECTIVE, oblique);
     set_knots(&scene, volume, TC_KNOT_OPACITY, soft, G_N_ELEMENTS(soft));
     expect_equal(cases[i].what, volume, &scene, 0);
-    tc_scene_clear(&scene);
-    tc_volume_unref(volume);
   }
 }
 
@@ -269,7 +262,7 @@ TEST(test_cameras) {
   needs(gl);
   const double wavelength = 19;
   test_grid grid = {.dims = {40, 40, 40}, .type = TC_U8, .slope = 1.0 / 255};
-  tc_volume *volume = test_volume(&grid, test_waves, &wavelength);
+  g_autoptr(tc_volume) volume = test_volume(&grid, test_waves, &wavelength);
   const struct {
     const char *what;
     tc_projection projection;
@@ -286,23 +279,21 @@ TEST(test_cameras) {
                  {"field of view 179 degrees", TC_PERSPECTIVE, {20, -3, 20}, {20, 20, 20}, 179, 0},
                  {"behind the camera", TC_PERSPECTIVE, {20, 60, 20}, {20, 90, 20}, 60, 0}};
   for (size_t i = 0; i < G_N_ELEMENTS(cameras); i++) {
-    tc_scene scene;
+    g_auto(tc_scene) scene;
     test_scene(&scene, 180, 180);
     test_scene_look(&scene, cameras[i].projection, cameras[i].from, cameras[i].to, cameras[i].size);
     set_knots(&scene, volume, TC_KNOT_OPACITY, soft, G_N_ELEMENTS(soft));
     expect_equal(cameras[i].what, volume, &scene, cameras[i].ties);
-    tc_scene_clear(&scene);
   }
-  tc_volume_unref(volume);
 }
 
 TEST(test_steps) {
   needs(gl);
   const double wavelength = 19, steps[] = {0.05, 0.37, 3, 1000};
   test_grid grid = {.dims = {30, 30, 30}, .type = TC_I16, .slope = 1.0 / 30000};
-  tc_volume *volume = test_volume(&grid, test_waves, &wavelength);
+  g_autoptr(tc_volume) volume = test_volume(&grid, test_waves, &wavelength);
   for (size_t i = 0; i < G_N_ELEMENTS(steps); i++) {
-    tc_scene scene;
+    g_auto(tc_scene) scene;
     char what[32];
     test_scene(&scene, 130, 130);
     test_scene_frame(&scene, volume, TC_PERSPECTIVE, oblique);
@@ -310,18 +301,16 @@ TEST(test_steps) {
     scene.sampling.step = steps[i];
     snprintf(what, sizeof what, "step %g", steps[i]);
     expect_equal(what, volume, &scene, 0);
-    tc_scene_clear(&scene);
   }
-  tc_volume_unref(volume);
 }
 
 TEST(test_extreme_extinction) {
   needs(gl);
   const double wavelength = 19, scales[] = {1e-12, 1e-3, 1e3, 1e6, 1e12};
   test_grid grid = {.dims = {30, 30, 30}, .type = TC_U16, .slope = 1.0 / 65535};
-  tc_volume *volume = test_volume(&grid, test_waves, &wavelength);
+  g_autoptr(tc_volume) volume = test_volume(&grid, test_waves, &wavelength);
   for (size_t i = 0; i < G_N_ELEMENTS(scales); i++) {
-    tc_scene scene;
+    g_auto(tc_scene) scene;
     tc_knot scaled[G_N_ELEMENTS(soft)];
     char what[32];
     memcpy(scaled, soft, sizeof soft);
@@ -333,9 +322,7 @@ TEST(test_extreme_extinction) {
     /* A ray that cuts a corner has only a last, short segment: its opacity hangs on the last bit of a full segment's.
      */
     expect_equal(what, volume, &scene, 2e-4);
-    tc_scene_clear(&scene);
   }
-  tc_volume_unref(volume);
 }
 
 /* A constant volume of one opaque colour comes out as exactly that colour, whatever the compositing space. */
@@ -344,11 +331,11 @@ TEST(test_opaque_block) {
   const double one = 1;
   const double colors[][3] = {{1, 0, 0}, {0.2, 0.6, 0.4}};
   test_grid grid = {.dims = {16, 16, 16}, .type = TC_U8};
-  tc_volume *volume = test_volume(&grid, test_constant, &one);
+  g_autoptr(tc_volume) volume = test_volume(&grid, test_constant, &one);
   for (int linear_light = 0; linear_light < 2; linear_light++)
     for (size_t i = 0; i < G_N_ELEMENTS(colors); i++) {
-      tc_scene scene;
-      tc_frame frame = {0};
+      g_auto(tc_scene) scene;
+      g_auto(tc_frame) frame = {0};
       tc_knot knot = {1, {colors[i][0], colors[i][1], colors[i][2]}, 1e4};
       test_scene(&scene, 64, 64);
       test_scene_frame(&scene, volume, TC_PERSPECTIVE, oblique);
@@ -358,20 +345,17 @@ TEST(test_opaque_block) {
       const uint8_t *center = frame.rgba + (32 * 64 + 32) * 4;
       for (int k = 0; k < 3; k++) assert_int_equal(center[k], (int)(colors[i][k] * 255 + 0.5));
       assert_int_equal(center[3], 255);
-      tc_frame_finish(&frame);
-      tc_scene_clear(&scene);
     }
-  tc_volume_unref(volume);
 }
 
 TEST(test_termination) {
   needs(gl);
   const double wavelength = 23, threshold = 0.01;
   test_grid grid = {.dims = {60, 60, 57}, .type = TC_U8, .slope = 1.0 / 255};
-  tc_volume *volume = test_volume(&grid, test_waves, &wavelength);
-  tc_scene scene;
+  g_autoptr(tc_volume) volume = test_volume(&grid, test_waves, &wavelength);
+  g_auto(tc_scene) scene;
   const tc_render_request request = {.want_linear = true};
-  tc_frame whole = {0}, early = {0};
+  g_auto(tc_frame) whole = {0}, early = {0};
   test_scene(&scene, 200, 200);
   test_scene_frame(&scene, volume, TC_PERSPECTIVE, oblique);
   set_knots(&scene, volume, TC_KNOT_EXTINCTION, soft, G_N_ELEMENTS(soft));
@@ -386,19 +370,15 @@ TEST(test_termination) {
   assert_true(early.stats.samples < whole.stats.samples);
   assert_true(early.stats.rays == whole.stats.rays);
   expect_equal("with termination", volume, &scene, 0);
-  tc_frame_finish(&whole);
-  tc_frame_finish(&early);
-  tc_scene_clear(&scene);
-  tc_volume_unref(volume);
 }
 
 TEST(test_resolve) {
   needs(gl);
   const double wavelength = 23;
   test_grid grid = {.dims = {40, 40, 40}, .type = TC_U8, .slope = 1.0 / 255};
-  tc_volume *volume = test_volume(&grid, test_waves, &wavelength);
+  g_autoptr(tc_volume) volume = test_volume(&grid, test_waves, &wavelength);
   for (int i = 0; i < 4; i++) {
-    tc_scene scene;
+    g_auto(tc_scene) scene;
     char what[64];
     test_scene(&scene, 150, 150);
     test_scene_frame(&scene, volume, TC_PERSPECTIVE, oblique);
@@ -410,9 +390,7 @@ TEST(test_resolve) {
     scene.image.background[2] = 0.01;
     snprintf(what, sizeof what, "%s%s", i & 1 ? "transparent" : "background", i & 2 ? ", linear light" : "");
     expect_equal(what, volume, &scene, 0);
-    tc_scene_clear(&scene);
   }
-  tc_volume_unref(volume);
 }
 
 /* Leaping leaves samples out and changes no bit; and the picture is still the cpu's. */
@@ -426,10 +404,10 @@ TEST(test_leaping) {
   for (size_t i = 0; i < G_N_ELEMENTS(sizes); i++) {
     test_grid grid = {.type = i & 1 ? TC_I16 : TC_U8, .slope = i & 1 ? 1.0 / 32767 : 1.0 / 255};
     memcpy(grid.dims, sizes[i], sizeof grid.dims);
-    tc_volume *volume = test_volume(&grid, test_waves, &wavelength);
+    g_autoptr(tc_volume) volume = test_volume(&grid, test_waves, &wavelength);
     for (size_t j = 0; j < G_N_ELEMENTS(blocks); j++) {
-      tc_scene scene;
-      tc_frame leapt = {0}, whole = {0};
+      g_auto(tc_scene) scene;
+      g_auto(tc_frame) leapt = {0}, whole = {0};
       tc_explanation plan;
       char what[64];
       test_scene(&scene, 160, 160);
@@ -451,11 +429,7 @@ TEST(test_leaping) {
       assert_memory_equal(leapt.linear, whole.linear, 160 * 160 * 16);
       assert_memory_equal(leapt.rgba, whole.rgba, 160 * 160 * 4);
       if (i == 0 && j == 0) assert_true(leaps && leapt.stats.leaps > 0 && leapt.stats.samples < whole.stats.samples);
-      tc_frame_finish(&leapt);
-      tc_frame_finish(&whole);
-      tc_scene_clear(&scene);
     }
-    tc_volume_unref(volume);
   }
 }
 
@@ -465,10 +439,10 @@ TEST(test_picture_sizes) {
   const double wavelength = 23;
   const int sizes[][2] = {{1, 1}, {1, 700}, {700, 1}, {7, 9}, {517, 333}, {256, 256}, {257, 255}};
   test_grid grid = {.dims = {30, 30, 30}, .type = TC_U8, .slope = 1.0 / 255};
-  tc_volume *volume = test_volume(&grid, test_waves, &wavelength);
+  g_autoptr(tc_volume) volume = test_volume(&grid, test_waves, &wavelength);
   for (size_t i = 0; i < G_N_ELEMENTS(sizes); i++) {
-    tc_scene scene;
-    tc_frame with = {0}, without = {0};
+    g_auto(tc_scene) scene;
+    g_auto(tc_frame) with = {0}, without = {0};
     char what[32];
     test_scene(&scene, sizes[i][0], sizes[i][1]);
     test_scene_frame(&scene, volume, TC_ORTHOGRAPHIC, oblique);
@@ -478,11 +452,7 @@ TEST(test_picture_sizes) {
     assert_made(tc_render(gl, volume, &scene, &(tc_render_request){.want_linear = true}, &with, &error));
     assert_made(tc_render(gl, volume, &scene, NULL, &without, &error));
     assert_memory_equal(with.rgba, without.rgba, (size_t)sizes[i][0] * sizes[i][1] * 4);
-    tc_frame_finish(&with);
-    tc_frame_finish(&without);
-    tc_scene_clear(&scene);
   }
-  tc_volume_unref(volume);
 }
 
 int main(void) {

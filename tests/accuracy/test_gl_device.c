@@ -12,6 +12,8 @@
 #include "renderer/raycast/gl/textures.h"
 #include "tests/support/grid.h"
 
+G_DEFINE_AUTOPTR_CLEANUP_FUNC(tc_gl_context, tc_gl_context_free)
+
 static GError *error;
 static bool have_gl;
 
@@ -57,21 +59,18 @@ static void set_scene(tc_scene *scene, const tc_volume *volume, int side) {
 
 /* Renders and compares with what was seen before. */
 static void expect_same(tc_renderer *r, tc_volume *volume, const tc_frame *wanted) {
-  tc_scene scene;
-  tc_frame frame = {0};
+  g_auto(tc_scene) scene;
+  g_auto(tc_frame) frame = {0};
   set_scene(&scene, volume, wanted->width);
   assert_made(tc_render(r, volume, &scene, NULL, &frame, &error));
   assert_memory_equal(frame.rgba, wanted->rgba, (size_t)frame.width * frame.height * 4);
-  tc_frame_finish(&frame);
-  tc_scene_clear(&scene);
 }
 
 static void render_first(tc_renderer *r, tc_volume *volume, int side, tc_frame *frame) {
-  tc_scene scene;
+  g_auto(tc_scene) scene;
   memset(frame, 0, sizeof *frame);
   set_scene(&scene, volume, side);
   assert_made(tc_render(r, volume, &scene, NULL, frame, &error));
-  tc_scene_clear(&scene);
 }
 
 /* ---- contexts ---- */
@@ -98,19 +97,18 @@ TEST(test_report) {
   if (strstr(report.renderer, "llvmpipe")) assert_false(report.hardware);
   if (tc_gl_count_hardware() == 0) assert_false(report.hardware);
   /* auto takes the GPU if it is one, and says why in any case */
-  tc_renderer *r = tc_renderer_new(NULL, &error);
+  g_autoptr(tc_renderer) r = tc_renderer_new(NULL, &error);
   assert_made(r);
   assert_string_equal(tc_renderer_about(r)->backend, report.hardware ? "gl" : "cpu");
   printf("  auto: %s, %s\n", tc_renderer_about(r)->backend, tc_renderer_about(r)->why);
-  tc_renderer_free(r);
 }
 
 /* Renderers share a thread and a display; ending one, or probing, leaves the others working. */
 TEST(test_several_contexts) {
   needs(have_gl);
-  tc_volume *volume = waves(TC_U8, 24, 11);
+  g_autoptr(tc_volume) volume = waves(TC_U8, 24, 11);
   tc_renderer *a = new_gl(0), *b = new_gl(0);
-  tc_frame frame;
+  g_auto(tc_frame) frame = {0};
   tc_gl_report report;
   render_first(a, volume, 80, &frame);
   expect_same(b, volume, &frame);
@@ -122,13 +120,11 @@ TEST(test_several_contexts) {
   tc_renderer_free(a);
   expect_same(b, volume, &frame);
   tc_renderer_free(b);
-  tc_frame_finish(&frame);
-  tc_volume_unref(volume);
 }
 
 static void *render_elsewhere(void *context) {
   tc_volume *volume = context;
-  GError *failure = NULL;
+  g_autoptr(GError) failure = NULL;
   tc_frame *frame = g_new0(tc_frame, 1);
   tc_renderer *r = tc_renderer_new(&(tc_renderer_options){.backend = TC_BACKEND_GL}, &failure);
   tc_scene scene;
@@ -138,16 +134,15 @@ static void *render_elsewhere(void *context) {
   tc_renderer_free(r);
   if (good) return frame;
   fprintf(stderr, "other thread: %s\n", failure->message);
-  g_error_free(failure);
   g_free(frame);
   return NULL;
 }
 
 TEST(test_other_thread) {
   needs(have_gl);
-  tc_volume *volume = waves(TC_U8, 24, 11);
-  tc_renderer *here = new_gl(0);
-  tc_frame frame;
+  g_autoptr(tc_volume) volume = waves(TC_U8, 24, 11);
+  g_autoptr(tc_renderer) here = new_gl(0);
+  g_auto(tc_frame) frame = {0};
   render_first(here, volume, 80, &frame);
   pthread_t thread;
   void *result = NULL;
@@ -159,16 +154,13 @@ TEST(test_other_thread) {
   tc_frame_finish(theirs);
   g_free(theirs);
   expect_same(here, volume, &frame);
-  tc_renderer_free(here);
-  tc_frame_finish(&frame);
-  tc_volume_unref(volume);
 }
 
 /* ---- programs ---- */
 
 TEST(test_program_cache) {
   needs(have_gl);
-  tc_gl_context *context = tc_gl_context_new(&error);
+  g_autoptr(tc_gl_context) context = tc_gl_context_new(&error);
   assert_made(context);
   const char *const good[] = {"#version 450 core\n", "layout(local_size_x = 1) in;\nvoid main() {}\n"};
   const char *const bad[] = {"#version 450 core\n", "layout(local_size_x = 1) in;\nvoid main() { nothing = 1; }\n"};
@@ -189,13 +181,12 @@ TEST(test_program_cache) {
   tc_gl_program_clear(&cache);
   assert_int_equal(tc_gl_program_compile(bad, 2, "broken", &error), 0);
   expect_error(TC_ERROR_INTERNAL, "shader broken does not compile");
-  tc_gl_context_free(context);
 }
 
 /* Nothing is drawn for a key that has no pieces. */
 TEST(test_unbuilt_keys) {
   needs(have_gl);
-  tc_gl_context *context = tc_gl_context_new(&error);
+  g_autoptr(tc_gl_context) context = tc_gl_context_new(&error);
   assert_made(context);
   const size_t first = offsetof(tc_gl_variant, plan);
   const struct { size_t offset; uint8_t value;
@@ -236,7 +227,6 @@ TEST(test_unbuilt_keys) {
       compiled++;
     }
   printf("  %d variants compile\n", compiled);
-  tc_gl_context_free(context);
 }
 
 /* ---- one back end instance, driven directly ---- */
@@ -297,7 +287,7 @@ static bool bench_render(bench *b, const tc_interrupt *interrupt) {
 
 TEST(test_nothing_is_rebuilt) {
   needs(have_gl);
-  tc_volume *volume = waves(TC_U16, 24, 11);
+  g_autoptr(tc_volume) volume = waves(TC_U16, 24, 11);
   bench b;
   bench_open(&b, volume, 64);
   assert_made(bench_render(&b, NULL));
@@ -313,7 +303,6 @@ TEST(test_nothing_is_rebuilt) {
   assert_made(bench_render(&b, NULL));
   assert_int_equal(tc_gl_backend_compiled(b.instance), 2);
   bench_close(&b);
-  tc_volume_unref(volume);
 }
 
 typedef struct canceller {
@@ -332,7 +321,7 @@ static void *cancel_soon(void *context) {
 /* A frame of some seconds ends soon after it is cancelled, and the next one is whole. */
 TEST(test_cancel) {
   needs(have_gl);
-  tc_volume *volume = waves(TC_U8, 48, 17);
+  g_autoptr(tc_volume) volume = waves(TC_U8, 48, 17);
   bench b;
   bench_open(&b, volume, 1500);
   b.scene.sampling.step = 0.25;
@@ -363,7 +352,6 @@ TEST(test_cancel) {
   const float *center = b.frame.linear + (750 * 1500 + 750) * 4;
   assert_true(center[3] > 0);
   bench_close(&b);
-  tc_volume_unref(volume);
 }
 
 /* ---- frames that do not wait ---- */
@@ -383,16 +371,16 @@ TEST(test_hurry) {
   needs(have_gl);
   enum { SIDE = 64 };
   static const tc_mode modes[] = {TC_MODE_DVR, TC_MODE_MIP, TC_MODE_ISOSURFACE, TC_MODE_MPR};
-  tc_volume *volume = waves(TC_U16, 32, 17);
+  g_autoptr(tc_volume) volume = waves(TC_U16, 32, 17);
   tc_renderer *r = new_gl(0), *patient = new_gl(0);
-  tc_scene scene;
+  g_auto(tc_scene) scene;
   set_scene(&scene, volume, SIDE);
   scene.skipping.mode = TC_SKIPPING_AUTO;
   scene.shading.model = TC_SHADING_LAMBERT;
   scene.isosurface.value = scene.window.center = 0.5;
   scene.window.width = 1;
   for (size_t m = 0; m < G_N_ELEMENTS(modes); m++) {
-    tc_frame wanted = {0}, frame = {0};
+    g_auto(tc_frame) wanted = {0}, frame = {0};
     double worst = 0, start = now_ms();
     scene.mode = modes[m];
     assert_true(draws_itself(patient, volume, &scene, false, &wanted));
@@ -409,11 +397,9 @@ TEST(test_hurry) {
     assert_memory_equal(frame.linear, wanted.linear, SIDE * SIDE * 16);
     scene.camera.position[0] += 1;
     assert_true(draws_itself(r, volume, &scene, true, &frame));
-    tc_frame_finish(&wanted);
-    tc_frame_finish(&frame);
   }
   /* One that waits takes what is being compiled; a renderer may end, and a volume go, in the middle of it. */
-  tc_frame frame = {0};
+  g_auto(tc_frame) frame = {0};
   scene.mode = TC_MODE_AVERAGE;
   assert_false(draws_itself(r, volume, &scene, true, &frame));
   assert_true(draws_itself(r, volume, &scene, false, &frame));
@@ -426,9 +412,6 @@ TEST(test_hurry) {
   tc_renderer_free(r);
   assert_true(draws_itself(patient, volume, &scene, false, &frame));
   tc_renderer_free(patient);
-  tc_frame_finish(&frame);
-  tc_scene_clear(&scene);
-  tc_volume_unref(volume);
 }
 
 /* Neither does the first upload of a large volume; one that cannot be uploaded is refused at once. */
@@ -438,10 +421,10 @@ TEST(test_hurried_upload) {
   tc_volume *small = waves(TC_U16, 32, 17), *large = waves(TC_U16, 170, 50), *other = waves(TC_U16, 170, 40);
   const test_grid too_long = {.dims = {70000, 70, 2}, .type = TC_U16, .slope = 1};
   const double zero = 0;
-  tc_volume *impossible = test_volume(&too_long, test_constant, &zero);
+  g_autoptr(tc_volume) impossible = test_volume(&too_long, test_constant, &zero);
   tc_renderer *r = new_gl(0), *patient = new_gl(0);
-  tc_frame wanted = {0}, frame = {0};
-  tc_scene scene;
+  g_auto(tc_frame) wanted = {0}, frame = {0};
+  g_auto(tc_scene) scene;
   set_scene(&scene, small, SIDE);
   assert_true(draws_itself(r, small, &scene, false, &frame)); /* the program is there from now on */
   test_scene_frame(&scene, large, TC_PERSPECTIVE, oblique);
@@ -467,10 +450,7 @@ TEST(test_hurried_upload) {
   tc_volume_unref(other);
   tc_renderer_free(r);
   tc_renderer_free(patient);
-  tc_frame_finish(&wanted);
-  tc_frame_finish(&frame);
-  tc_scene_clear(&scene);
-  tc_volume_unref(small), tc_volume_unref(large), tc_volume_unref(impossible);
+  tc_volume_unref(small), tc_volume_unref(large);
 }
 
 /* ---- memory ---- */
@@ -480,27 +460,21 @@ TEST(test_limits) {
   const int sizes[][3] = {
       {70000, 2, 1}, {1, 70000, 3}, {1, 16000, 4097}}; /* sides, and an atlas beyond any texture's */
   const double zero = 0;
-  tc_renderer *r = new_gl(0);
+  g_autoptr(tc_renderer) r = new_gl(0);
   for (size_t i = 0; i < G_N_ELEMENTS(sizes); i++) {
     test_grid grid = {.type = TC_U8};
     memcpy(grid.dims, sizes[i], sizeof grid.dims);
-    tc_volume *volume = test_volume(&grid, test_constant, &zero);
-    tc_scene scene;
-    tc_frame frame = {0};
+    g_autoptr(tc_volume) volume = test_volume(&grid, test_constant, &zero);
+    g_auto(tc_scene) scene;
+    g_auto(tc_frame) frame = {0};
     set_scene(&scene, volume, 16);
     assert_false(tc_render(r, volume, &scene, NULL, &frame, &error));
     expect_error(TC_ERROR_LIMIT, "--backend cpu");
-    tc_frame_finish(&frame);
-    tc_scene_clear(&scene);
-    tc_volume_unref(volume);
   }
   /* The renderer still works. */
-  tc_volume *small = waves(TC_U8, 24, 11);
-  tc_frame frame;
+  g_autoptr(tc_volume) small = waves(TC_U8, 24, 11);
+  g_auto(tc_frame) frame = {0};
   render_first(r, small, 40, &frame);
-  tc_frame_finish(&frame);
-  tc_volume_unref(small);
-  tc_renderer_free(r);
 }
 
 /* More volumes than are kept, with a budget for all and for one; each always shows itself. */
@@ -508,7 +482,7 @@ TEST(test_eviction) {
   needs(have_gl);
   enum { COUNT = 11 };
   for (int tight = 0; tight < 2; tight++) {
-    tc_renderer *r = new_gl(tight ? 1 : 0);
+    g_autoptr(tc_renderer) r = new_gl(tight ? 1 : 0);
     tc_volume *volumes[COUNT];
     tc_frame frames[COUNT];
     for (int i = 0; i < COUNT; i++) {
@@ -526,7 +500,6 @@ TEST(test_eviction) {
       tc_frame_finish(&frames[i]);
       tc_volume_unref(volumes[i]);
     }
-    tc_renderer_free(r);
   }
 }
 

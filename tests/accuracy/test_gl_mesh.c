@@ -305,9 +305,9 @@ static void mesh_scene(tc_scene *scene, const tc_volume *volume, tc_projection p
 
 TEST(pictures_are_equal_but_for_ties) {
   needs(test_renderers[GL]);
-  tc_volume *volume = waves();
+  g_autoptr(tc_volume) volume = waves();
   for (int round = 0; round < 6; round++) {
-    tc_scene scene;
+    g_auto(tc_scene) scene;
     mesh_scene(&scene, volume, round & 1 ? TC_ORTHOGRAPHIC : TC_PERSPECTIVE);
     scene.shading.model = (tc_shading_model[]){TC_SHADING_BLINN_PHONG, TC_SHADING_GOOCH, TC_SHADING_LAMBERT}[round / 2];
     if (round == 1) scene.clip.planes[0][1] = 1, scene.clip.planes[0][3] = -340, scene.clip.n_planes = 1;
@@ -326,30 +326,25 @@ TEST(pictures_are_equal_but_for_ties) {
     }
     if (round == 5) scene.image.linear_light = scene.image.transparent = true;
     expect_equal(volume, NULL, &scene);
-    tc_scene_clear(&scene);
   }
-  tc_volume_unref(volume);
 }
 
 /* What calls a tie a tie is no excuse: a picture that is a fiftieth of a pixel off has pixels that are none. */
 TEST(another_picture_is_no_tie) {
   needs(test_renderers[GL]);
-  tc_volume *volume = waves();
-  tc_scene scene, other;
+  g_autoptr(tc_volume) volume = waves();
+  g_auto(tc_scene) scene, other;
   mesh_scene(&scene, volume, TC_ORTHOGRAPHIC);
   mesh_scene(&other, volume, TC_ORTHOGRAPHIC);
   other.camera.height_mm *= 1 + 0.04 / SIDE;
   const verdict v = compare(volume, NULL, &scene, &other);
   assert_true(v.unproven > 10);
-  tc_scene_clear(&scene);
-  tc_scene_clear(&other);
-  tc_volume_unref(volume);
 }
 
 TEST(translucent_layers_are_sorted) {
   needs(test_renderers[GL]);
   tc_gl_mesh_peels_in_software = true;
-  tc_volume *volume = fewer_waves();
+  g_autoptr(tc_volume) volume = fewer_waves();
   tc_scene scene;
   const tc_mesh_surface list[] = {
       {.value = 0.45, .color = {0.9, 0.3, 0.2}, .opacity = 0.3, .has_color = true, .visible = true, .two_sided = true},
@@ -363,13 +358,12 @@ TEST(translucent_layers_are_sorted) {
     tc_scene_clear(&scene);
   }
   tc_gl_mesh_peels_in_software = false;
-  tc_volume_unref(volume);
 }
 
 /* Four surfaces, each of which a ray meets several times, by 4 and 8 samples a pixel. */
 TEST(translucent_layers_of_several_samples_are_sorted) {
   needs(test_renderers[GL]);
-  tc_volume *volume = fewer_waves();
+  g_autoptr(tc_volume) volume = fewer_waves();
   const tc_mesh_surface list[] = {
       {.value = 0.4, .color = {0.9, 0.3, 0.2}, .opacity = 0.3, .has_color = true, .visible = true, .two_sided = true},
       {.value = 0.5, .color = {0.9, 0.9, 0.2}, .opacity = 0.4, .has_color = true, .visible = true, .two_sided = true},
@@ -388,7 +382,6 @@ TEST(translucent_layers_of_several_samples_are_sorted) {
     const bool by_cpu = test_draw(GL, volume, &scene, NULL, &plan)->stats.stand_in;
     assert_true(by_cpu == (strstr(plan.stages[TC_STAGE_MESH].reason, "drawn by the cpu: OpenGL in software would") != NULL));
   }
-  tc_volume_unref(volume);
 }
 
 static double ball(double x, double y, double z, const void *unused) {
@@ -400,8 +393,9 @@ static double ball(double x, double y, double z, const void *unused) {
 TEST(a_mesh_too_large_for_a_buffer_is_refused) {
   if (!test_renderers[GL]) return;
   const double period = 24;
-  tc_volume *volume = test_volume(&(test_grid){.dims = {30, 30, 30}, .type = TC_U8, .slope = 0.004}, test_waves, &period);
-  tc_scene scene;
+  g_autoptr(tc_volume) volume =
+      test_volume(&(test_grid){.dims = {30, 30, 30}, .type = TC_U8, .slope = 0.004}, test_waves, &period);
+  g_auto(tc_scene) scene;
   GError *error = NULL;
   mesh_scene(&scene, volume, TC_PERSPECTIVE);
   tc_gl_mesh_most_bytes = 1000;
@@ -410,21 +404,17 @@ TEST(a_mesh_too_large_for_a_buffer_is_refused) {
   assert_true(g_error_matches(error, TC_ERROR, TC_ERROR_LIMIT) && strstr(error->message, "--backend cpu"));
   g_clear_error(&error);
   assert_true(tc_render(test_renderers[GL], volume, &scene, NULL, &test_frames[GL], NULL));
-  tc_scene_clear(&scene);
-  tc_volume_unref(volume);
 }
 
 TEST(labels_have_their_colours) {
   needs(test_renderers[GL]);
-  tc_volume *labels = test_volume(&(test_grid){.dims = {40, 40, 40}, .type = TC_U8}, ball, NULL);
-  tc_scene scene;
+  g_autoptr(tc_volume) labels = test_volume(&(test_grid){.dims = {40, 40, 40}, .type = TC_U8}, ball, NULL);
+  g_auto(tc_scene) scene;
   mesh_scene(&scene, labels, TC_PERSPECTIVE);
   test_scene_look(&scene, TC_ORTHOGRAPHIC, (double[3]){20, -50, 20}, (double[3]){20, 20, 20}, 40);
   strcpy(scene.labels.volume, "balls");
   scene.labels.opacity = 0.25;
   expect_equal(labels, labels, &scene);
-  tc_scene_clear(&scene);
-  tc_volume_unref(labels);
 }
 
 /* Of several parts only one has colours, and another look; one and several samples. */
@@ -460,13 +450,13 @@ TEST(colours_of_vertices_are_the_cpus) {
 /* Surfaces within the volume, in dvr and mip: gl casts the rays' parts, and gives the cpu's picture. */
 TEST(surfaces_within_a_volume_are_the_cpus) {
   needs(test_renderers[GL]);
-  tc_volume *volume = waves();
+  g_autoptr(tc_volume) volume = waves();
   const tc_mesh_surface list[] = {
       {.value = 0.45, .color = {0.9, 0.3, 0.2}, .opacity = 0.3, .has_color = true, .visible = true, .two_sided = true},
       {.value = 0.7, .color = {0.8, 0.8, 1}, .opacity = 1, .has_color = true, .visible = true, .two_sided = true}};
   const tc_knot fog[2] = {{0, {0.2, 0.4, 0.6}, 0.002}, {1, {0.9, 0.4, 0.1}, 0.05}};
   for (int round = 0; round < 3; round++) {
-    tc_scene scene;
+    g_auto(tc_scene) scene;
     tc_explanation plan;
     mesh_scene(&scene, volume, round == 1 ? TC_ORTHOGRAPHIC : TC_PERSPECTIVE);
     scene.mode = round == 1 ? TC_MODE_MIP : TC_MODE_DVR;
@@ -485,19 +475,15 @@ TEST(surfaces_within_a_volume_are_the_cpus) {
     print_message("  %d of %d pixels off by more than 1/255\n", off, seen);
     assert_true(seen > PIXELS / 5 && off <= PIXELS / 2000 && !gl->stats.stand_in && g_str_has_suffix(plan.kernel, ".gl"));
     if (round == 0) assert_true(test_resumes(GL, volume, &scene) >= 2);
-    tc_scene_clear(&scene);
   }
-  tc_volume_unref(volume);
 }
 
 TEST(frames_stop_and_go_on_to_the_same_picture) {
   needs(test_renderers[GL]);
-  tc_volume *volume = waves();
-  tc_scene scene;
+  g_autoptr(tc_volume) volume = waves();
+  g_auto(tc_scene) scene;
   mesh_scene(&scene, volume, TC_PERSPECTIVE);
   assert_true(test_resumes(GL, volume, &scene) >= 2); /* four tiles */
-  tc_scene_clear(&scene);
-  tc_volume_unref(volume);
 }
 
 TESTS(test_renderers_open, test_renderers_close)

@@ -89,10 +89,10 @@ typedef struct outcome {
 } outcome;
 
 static outcome compare(const char *what, const tc_table_params *p) {
-  tc_table *t = tc_table_outline(p, NULL, &error);
+  g_autoptr(tc_table) t = tc_table_outline(p, NULL, &error);
   assert_made(t);
   outcome o = {0};
-  float *here = build_here(t, &o.gl_ms);
+  g_autofree float *here = build_here(t, &o.gl_ms);
   check_entries(what, t, here);
   double outline_ms = t->build_ms;
   assert_made(tc_table_fill(t, NULL, pool, &error));
@@ -107,8 +107,6 @@ static outcome compare(const char *what, const tc_table_params *p) {
   if (!(o.worst <= BOUND))
     fail_msg("%s: entry %zu (n = %d), channel %zu is %.9g, not %.9g", what, at / 4, t->n, at % 4, (double)here[at],
              (double)t->entries[at]);
-  g_free(here);
-  tc_table_free(t);
   return o;
 }
 
@@ -177,7 +175,7 @@ TEST(other_conventions) {
 TEST(many_knots) {
   needs(context);
   enum { MANY = 20000 };
-  tc_knot *knots = g_new(tc_knot, MANY);
+  g_autofree tc_knot *knots = g_new(tc_knot, MANY);
   uint32_t dice = 5;
   double worst = 0;
   for (int round = 0; round < 40; round++) {
@@ -193,7 +191,6 @@ TEST(many_knots) {
     worst = fmax(worst, compare("chance", &p).worst);
   }
   printf("  40 functions by chance: off by %.1e\n", worst);
-  g_free(knots);
 }
 
 /* ---- pictures ---- */
@@ -209,14 +206,13 @@ static tc_volume *waves(tc_voxel_type type) {
 TEST(one_value_wide) {
   needs(context);
   tc_knot peak[] = {{0.499994, {1, 0.5, 0}, 0}, {0.5, {1, 1, 0}, 40}, {0.500006, {0, 0.5, 1}, 0}};
-  tc_volume *volume = waves(TC_U16);
+  g_autoptr(tc_volume) volume = waves(TC_U16);
   tc_transfer_function tf;
   tc_table_params p = params(&tf, peak, 3, TC_KNOT_EXTINCTION, 0, 0.5);
   p.slope = tc_volume_describe(volume)->slope;
   tc_table_choose(volume, &p, NULL);
   assert_true(p.n_subtables > 0);
   printf("  %d nodes and %d subtables: off by %.1e\n", p.n, p.n_subtables, compare("peak", &p).worst);
-  tc_volume_unref(volume);
 }
 
 static tc_renderer *renderer_with(tc_table_builder tables) {
@@ -237,8 +233,8 @@ TEST(pictures) {
   tc_renderer *r[] = {renderer_with(TC_TABLES_CPU), renderer_with(TC_TABLES_GL)};
   static const char *const says[] = {"built by the cpu: asked for", "built by opengl: asked for"};
   for (size_t i = 0; i < 2 * G_N_ELEMENTS(types); i++) {
-    tc_volume *volume = waves(types[i / 2]);
-    tc_scene scene;
+    g_autoptr(tc_volume) volume = waves(types[i / 2]);
+    g_auto(tc_scene) scene;
     tc_frame frames[2] = {{0}, {0}};
     tc_explanation plan;
     test_scene(&scene, 96, 96);
@@ -267,8 +263,6 @@ TEST(pictures) {
            worst, most);
     assert_true(worst < 1e-5 && most > 0.01);
     for (int k = 0; k < 2; k++) tc_frame_finish(&frames[k]);
-    tc_scene_clear(&scene);
-    tc_volume_unref(volume);
   }
   for (int k = 0; k < 2; k++) tc_renderer_free(r[k]);
 }
@@ -277,10 +271,10 @@ TEST(pictures) {
 TEST(tables_of_the_cpu) {
   needs(context);
   static const double front[3] = {0, -1, 0};
-  tc_renderer *r = renderer_with(TC_TABLES_GL);
-  tc_volume *volume = waves(TC_U8);
-  tc_scene scene;
-  tc_frame frame = {0};
+  g_autoptr(tc_renderer) r = renderer_with(TC_TABLES_GL);
+  g_autoptr(tc_volume) volume = waves(TC_U8);
+  g_auto(tc_scene) scene;
+  g_auto(tc_frame) frame = {0};
   tc_explanation plan;
   test_scene(&scene, 32, 32);
   test_scene_frame(&scene, volume, TC_PERSPECTIVE, front);
@@ -295,10 +289,6 @@ TEST(tables_of_the_cpu) {
   assert_true(!frame.stats.stand_in && strstr(reason, "which also rounds"));
   assert_made(tc_render(r, volume, &scene, &(tc_render_request){.explanation = &plan}, &frame, &error));
   assert_true(!frame.stats.stand_in && strstr(reason, "built by opengl"));
-  tc_frame_finish(&frame);
-  tc_scene_clear(&scene);
-  tc_volume_unref(volume);
-  tc_renderer_free(r);
 }
 
 int main(void) {

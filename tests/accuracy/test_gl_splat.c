@@ -57,9 +57,9 @@ static void expect_equal(tc_volume *volume, tc_volume *labels, const tc_scene *s
 
 TEST(pictures_are_equal_but_for_rims) {
   needs(test_renderers[GL]);
-  tc_volume *volume = waves();
+  g_autoptr(tc_volume) volume = waves();
   for (int round = 0; round < 7; round++) {
-    tc_scene scene;
+    g_auto(tc_scene) scene;
     splat_scene(&scene, volume, round & 1 ? TC_ORTHOGRAPHIC : TC_PERSPECTIVE);
     scene.shading.model = (tc_shading_model[]){TC_SHADING_BLINN_PHONG, TC_SHADING_GOOCH, TC_SHADING_LAMBERT, 0}[round / 2 % 4];
     if (round == 1) scene.clip.planes[0][1] = 1, scene.clip.planes[0][3] = -330, scene.clip.n_planes = 1;
@@ -73,9 +73,7 @@ TEST(pictures_are_equal_but_for_rims) {
       test_scene_look(&scene, TC_PERSPECTIVE, (double[3]){-970, 335, 75}, (double[3]){-900, 380, 100}, 80);
     if (round == 5) scene.image.linear_light = scene.image.transparent = true;
     expect_equal(volume, NULL, &scene);
-    tc_scene_clear(&scene);
   }
-  tc_volume_unref(volume);
 }
 
 static double bands(double x, double y, double z, const void *wavelength) {
@@ -101,9 +99,9 @@ TEST(colors_are_the_cpus) {
   const test_grid grid = {.dims = {60, 52, 56}, .type = TC_U8, .slope = 1, .spacing = {1, 1.3, 0.8}, .origin = {-1000, 300, 50}};
   tc_volume *volume = waves(), *labels = test_volume(&grid, bands, &(double){24});
   const tc_vmd_wish wish = {1, 9, .labels = true, .attributes = "label"};
-  tc_volume *model = tc_vmd_volume(tc_vmd_of_volume(labels, &wish, NULL, NULL), NULL);
+  g_autoptr(tc_volume) model = tc_vmd_volume(tc_vmd_of_volume(labels, &wish, NULL, NULL), NULL);
   for (int round = 0; round < 6; round++) {
-    tc_scene scene;
+    g_auto(tc_scene) scene;
     const int way = round % 3;
     splat_scene(&scene, volume, round & 1 ? TC_ORTHOGRAPHIC : TC_PERSPECTIVE);
     if (round < 3) scene.shading.model = TC_SHADING_NONE;
@@ -113,30 +111,25 @@ TEST(colors_are_the_cpus) {
     if (way == 2) strcpy(scene.splat.attribute, "label"), scene.splat.threshold[1] = 9;
     expect_equal(way == 2 ? model : volume, way == 1 ? labels : NULL, &scene);
     assert_true(is_colored(&test_frames[GL]));
-    tc_scene_clear(&scene);
   }
-  tc_volume_unref(model);
   tc_volume_unref(labels);
   tc_volume_unref(volume);
 }
 
 TEST(culling_changes_no_bit) {
   needs(test_renderers[GL]);
-  tc_volume *volume = waves();
-  tc_scene scene;
+  g_autoptr(tc_volume) volume = waves();
+  g_auto(tc_scene) scene;
   splat_scene(&scene, volume, TC_PERSPECTIVE);
   scene.clip.planes[0][1] = 1, scene.clip.planes[0][3] = -330, scene.clip.n_planes = 1;
   const tc_frame *frame = test_draw(GL, volume, &scene, NULL, NULL);
-  float *culled = g_memdup2(frame->linear, PIXELS * 4 * sizeof *culled);
+  g_autofree float *culled = g_memdup2(frame->linear, PIXELS * 4 * sizeof *culled);
   const uint64_t samples = frame->stats.samples;
   scene.splat.culling = false;
   frame = test_draw(GL, volume, &scene, NULL, NULL);
   printf("  splats: %.0f, all %.0f\n", (double)samples, (double)frame->stats.samples);
   assert_memory_equal(frame->linear, culled, PIXELS * 4 * sizeof *culled);
   assert_true(frame->stats.samples > samples);
-  g_free(culled);
-  tc_scene_clear(&scene);
-  tc_volume_unref(volume);
 }
 
 /* A haze and a nearly solid one, lit and not, by values, labels and palette, cut, and from the inside. */
@@ -145,9 +138,9 @@ TEST(translucent_sheets_are_the_cpus) {
   const test_grid grid = {.dims = {60, 52, 56}, .type = TC_U8, .slope = 1, .spacing = {1, 1.3, 0.8}, .origin = {-1000, 300, 50}};
   tc_volume *volume = waves(), *labels = test_volume(&grid, bands, &(double){24});
   const tc_vmd_wish wish = {1, 9, .labels = true, .attributes = "label"};
-  tc_volume *model = tc_vmd_volume(tc_vmd_of_volume(labels, &wish, NULL, NULL), NULL);
+  g_autoptr(tc_volume) model = tc_vmd_volume(tc_vmd_of_volume(labels, &wish, NULL, NULL), NULL);
   for (int round = 0; round < 5; round++) {
-    tc_scene scene;
+    g_auto(tc_scene) scene;
     splat_scene(&scene, volume, round & 1 ? TC_PERSPECTIVE : TC_ORTHOGRAPHIC);
     scene.splat.opaque = false;
     tc_transfer_function *tf = &scene.transfer_function;
@@ -160,21 +153,17 @@ TEST(translucent_sheets_are_the_cpus) {
     if (round == 4)
       test_scene_look(&scene, TC_PERSPECTIVE, (double[3]){-970, 335, 75}, (double[3]){-900, 380, 100}, 80);
     expect_equal(round == 3 ? model : volume, round == 2 ? labels : NULL, &scene);
-    tc_scene_clear(&scene);
   }
-  tc_volume_unref(model);
   tc_volume_unref(labels);
   tc_volume_unref(volume);
 }
 
 static void stop_and_go_on(bool opaque) {
-  tc_volume *volume = waves();
-  tc_scene scene;
+  g_autoptr(tc_volume) volume = waves();
+  g_auto(tc_scene) scene;
   splat_scene(&scene, volume, TC_PERSPECTIVE);
   scene.splat.opaque = opaque;
   assert_true(test_resumes(GL, volume, &scene) >= 2); /* four tiles */
-  tc_scene_clear(&scene);
-  tc_volume_unref(volume);
 }
 
 TEST(frames_stop_and_go_on_to_the_same_picture) {

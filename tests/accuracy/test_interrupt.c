@@ -86,7 +86,7 @@ static int draw_in_parts(int which, subject *s, tc_frame *frame) {
 
 TEST(resumed_is_uncut) {
   int cut[RENDERERS] = {0}, calls[RENDERERS] = {0};
-  tc_frame parts = {0};
+  g_auto(tc_frame) parts = {0};
   for (uint64_t seed = 1; seed <= CASES; seed++) {
     subject s;
     if (!subject_open(&s, seed * 7)) continue;
@@ -112,7 +112,6 @@ TEST(resumed_is_uncut) {
     printf("  %-6s %d pictures were cut, drawn by %d calls in all\n", test_names[i], cut[i], calls[i]);
     if (i != GL) assert_true(cut[i] > CASES / 2);
   }
-  tc_frame_finish(&parts);
 }
 
 /* A frame of another size, or one that was not paused, is begun anew. */
@@ -349,7 +348,7 @@ TEST(long_lists_are_heard) {
       {"in one place", 65536, TC_PREINTEGRATED, 1, false}, {"alternating", 16384, TC_PREINTEGRATED, 0, true},
       {"few alternating", 2048, TC_PREINTEGRATED, 0, true}, {"integrals", 65536, TC_POST, 0, false},
       {"integrals, in one place", 65536, TC_POST, 1, false}};
-  tc_knot *knots = g_new(tc_knot, TC_MAX_KNOTS);
+  g_autofree tc_knot *knots = g_new(tc_knot, TC_MAX_KNOTS);
   subject s = {.volume = ramp_of(TC_U16, 32)};
   for (size_t l = 0; l < 2 * G_N_ELEMENTS(lists); l++) {
     const long_list *list = &lists[l / 2];
@@ -370,7 +369,6 @@ TEST(long_lists_are_heard) {
     assert_true(ms * 1000 <= most_deaf_us());
   }
   subject_close(&s);
-  g_free(knots);
 }
 
 TEST(many_labels_are_heard) {
@@ -656,7 +654,7 @@ TEST(stopping_by_the_clock) {
   const int wanted = many ? MOST_STOPPED : 40, gl_share = many ? 1 : 5; /* it compiles */
   uint64_t first = 1, end = 20 * (uint64_t)wanted;
   if (getenv("TC_SEEDS")) assert_int_equal(sscanf(getenv("TC_SEEDS"), "%" SCNu64 "-%" SCNu64, &first, &end), 2);
-  stops *all = g_new0(stops, RENDERERS);
+  g_autofree stops *all = g_new0(stops, RENDERERS);
   uint64_t where = 9;
   for (uint64_t seed = first; all[SCALAR].count < wanted && seed < end; seed++) {
     subject s;
@@ -676,7 +674,6 @@ TEST(stopping_by_the_clock) {
     double most = print_stops(test_names[i], "processor", all[i].processor, all[i].count);
     if (many) assert_true(most <= 50 && all[i].processor[all[i].count - 1] <= 200);
   }
-  g_free(all);
 }
 
 int main(void) {

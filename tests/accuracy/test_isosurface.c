@@ -244,7 +244,7 @@ TEST(extremes_are_empty_or_right) {
 /* Along an axis of one voxel nothing changes and no wall is passed, wherever a ray crosses it. */
 TEST(single_voxels_are_thick) {
   const double rise[4] = {0.1, 0, 0, 0};
-  tc_volume *volume =
+  g_autoptr(tc_volume) volume =
       test_volume(&(test_grid){.dims = {8, 1, 1}, .type = TC_F32, .spacing = {1, 20, 20}}, test_linear, rise);
   for (int bits = 0; bits < 8; bits++) {
     g_auto(tc_scene) scene;
@@ -260,7 +260,6 @@ TEST(single_voxels_are_thick) {
         fail_msg("%s, %d: %zu of %zu hits are missed", test_names[i], bits, v.ties, v.seen);
     }
   }
-  tc_volume_unref(volume);
 }
 
 TEST(several_rays_are_their_mean) {

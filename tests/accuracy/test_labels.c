@@ -152,7 +152,7 @@ TEST(every_place_has_the_mean_of_its_eight_labels) {
 /* Along a face the overlay rises linearly from one voxel centre to the next: no step is larger than a pixel's share. */
 TEST(faces_are_smooth) {
   g_autoptr(tc_volume) volume = seven();
-  tc_volume *labels =
+  g_autoptr(tc_volume) labels =
       test_volume(&(test_grid){.dims = {7, 7, 7}, .type = TC_U8, .spacing = {4, 4, 4}}, halves, &(double){3});
   g_auto(tc_scene) scene;
   slice_scene(&scene, 12);
@@ -168,7 +168,6 @@ TEST(faces_are_smooth) {
     }
     if (fabs(largest - 0.125) > 1e-5) fail_msg("%s: a step of %g", test_names[i], largest);
   }
-  tc_volume_unref(labels);
 }
 
 /* A medium of one extinction through which rays run along z, 24 mm long; labels change along x between 8 and 12 mm. */
@@ -183,7 +182,7 @@ static void medium_scene(tc_scene *scene, double extinction) {
 
 TEST(hiding_thins_the_medium_and_tint_colours_it) {
   g_autoptr(tc_volume) volume = seven();
-  tc_volume *labels =
+  g_autoptr(tc_volume) labels =
       test_volume(&(test_grid){.dims = {7, 7, 7}, .type = TC_I8, .spacing = {4, 4, 4}}, halves, &(double){3});
   g_auto(tc_scene) scene;
   medium_scene(&scene, 0.1);
@@ -210,7 +209,6 @@ TEST(hiding_thins_the_medium_and_tint_colours_it) {
       }
     }
   }
-  tc_volume_unref(labels);
 }
 
 /* An opaque body takes exactly the label's colour; labels without a tint change no bit. */
@@ -276,9 +274,9 @@ TEST(everyone_agrees) {
   size_t ties = 0, compared = 0;
   for (unsigned number = 0; number < 33; number++) {
     unsigned bits = number < 32 ? number : 32 + 8 + 4;
-    tc_volume *volume = waves((tc_voxel_type)(bits * 7 / 3 % TC_VOXEL_TYPE_COUNT));
-    tc_volume *labels = slanted_labels((tc_voxel_type)(bits % TC_F32), (const int[3]){9, 8, 14}, bits);
-    tc_scene scene;
+    g_autoptr(tc_volume) volume = waves((tc_voxel_type)(bits * 7 / 3 % TC_VOXEL_TYPE_COUNT));
+    g_autoptr(tc_volume) labels = slanted_labels((tc_voxel_type)(bits % TC_F32), (const int[3]){9, 8, 14}, bits);
+    g_auto(tc_scene) scene;
     busy_scene(&scene, volume, bits);
     render(SCALAR, volume, labels, &scene, NULL);
     EACH_RENDERER(i) {
@@ -296,9 +294,6 @@ TEST(everyone_agrees) {
         if (d <= 1.0 / 255) worst[i] = fmax(worst[i], d);
       }
     }
-    tc_scene_clear(&scene);
-    tc_volume_unref(labels);
-    tc_volume_unref(volume);
   }
   EACH_RENDERER(i) printf("  %-7s against scalar: max %.1e\n", test_names[i], worst[i]);
   printf("  %zu of %zu pixels are ties\n", ties, compared);
@@ -334,7 +329,7 @@ TEST(small_steps_converge_to_the_reference) {
 
 TEST(leaping_changes_no_bit_and_threads_none) {
   static float before[PIXELS * 4];
-  tc_renderer *one =
+  g_autoptr(tc_renderer) one =
       tc_renderer_new(&(tc_renderer_options){.backend = TC_BACKEND_CPU, .threads = 1, .isa = "scalar"}, NULL);
   uint64_t leaps = 0;
   for (unsigned bits = 0; bits < 16; bits++) {
@@ -356,7 +351,6 @@ TEST(leaping_changes_no_bit_and_threads_none) {
     assert_memory_equal(frame.rgba, test_frames[SCALAR].rgba, PIXELS * 4);
   }
   assert_true(leaps > 0);
-  tc_renderer_free(one);
 }
 
 /* ---- the plan ---- */

@@ -21,9 +21,8 @@ typedef struct fixture {
 static fixture f;
 
 static tc_clusters *clusters_of(const tc_volume *volume) {
-  tc_mesh *mesh = tc_mesh_extract(volume, ISO, &(tc_mesh_options){.normals = true}, NULL);
+  g_autoptr(tc_mesh) mesh = tc_mesh_extract(volume, ISO, &(tc_mesh_options){.normals = true}, NULL);
   tc_clusters *c = tc_clusters_make(mesh, NULL, NULL, NULL);
-  tc_mesh_free(mesh);
   assert_non_null(c);
   return c;
 }
@@ -159,7 +158,8 @@ TEST(levels_meet_without_a_crack) {
   const tc_clusters *c = f.levels;
   uint64_t seed = 5;
   for (int round = 0; round < 2; round++) {
-    GHashTable *edges = g_hash_table_new_full(g_bytes_hash, g_bytes_equal, (GDestroyNotify)g_bytes_unref, NULL);
+    g_autoptr(GHashTable) edges =
+        g_hash_table_new_full(g_bytes_hash, g_bytes_equal, (GDestroyNotify)g_bytes_unref, NULL);
     g_autofree uint8_t *level = g_malloc(c->n_groups);
     for (size_t g = 0; g < c->n_groups; g++) {
       level[g] = (uint8_t)(test_random(&seed) * TC_LEVELS);
@@ -194,7 +194,6 @@ TEST(levels_meet_without_a_crack) {
       }
       assert_true(outside || sum == 0);
     }
-    g_hash_table_unref(edges);
   }
 }
 
@@ -320,7 +319,7 @@ static bool has_levels(const tc_explanation *plan) { return strstr(plan->stages[
 /* The first frame shows all of it; levels come beside, are in the plan and in the memory that is counted, and at rest the
  * surface is where it was within what half a pixel is there. */
 static void come_beside(tc_renderer *r) {
-  tc_frame full = {0}, frame = {0};
+  g_auto(tc_frame) full = {0}, frame = {0};
   tc_explanation plan;
   g_auto(tc_scene) scene;
   test_scene(&scene, 160, 120);
@@ -346,7 +345,6 @@ static void come_beside(tc_renderer *r) {
   assert_true(ends < 160 * 120 / 100);
   draw(r, &scene, true, &frame, &plan);
   assert_non_null(strstr(plan.stages[TC_STAGE_MESH].reason, "within 1 pixels"));
-  tc_frame_finish(&full), tc_frame_finish(&frame);
 }
 
 TEST(levels_come_beside) {

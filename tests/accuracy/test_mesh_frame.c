@@ -59,8 +59,8 @@ TEST(surface_is_where_the_field_has_it) {
   static truth t;
   const int which = test_widest();
   for (int round = 0; round < 6; round++) {
-    tc_volume *volume = waves(round % 3 ? TC_U8 : TC_F32);
-    tc_scene scene;
+    g_autoptr(tc_volume) volume = waves(round % 3 ? TC_U8 : TC_F32);
+    g_auto(tc_scene) scene;
     mesh_scene(&scene, volume, round & 1 ? TC_ORTHOGRAPHIC : TC_PERSPECTIVE);
     if (round > 3) scene.clip.planes[0][1] = 1, scene.clip.planes[0][3] = -24, scene.clip.n_planes = 1;
     find_truth(volume, &scene, &t);
@@ -82,8 +82,6 @@ TEST(surface_is_where_the_field_has_it) {
     assert_true(smooth > PIXELS / 5 && wrong == 0 && apart < 0.1 && colour / smooth < 0.005);
     assert_true(plan.stages[TC_STAGE_MESH].included && plan.stages[TC_STAGE_MESH].bytes > 1000);
     assert_false(plan.stages[TC_STAGE_TABLE_2D].included || plan.stages[TC_STAGE_SKIPPING].included);
-    tc_scene_clear(&scene);
-    tc_volume_unref(volume);
   }
 }
 
@@ -179,7 +177,7 @@ TEST(frames_stop_and_go_on_to_the_same_picture) {
   tc_scene scene;
   g_auto(tc_frame) frame = {0};
   for (int cancel = 0; cancel < 2; cancel++) {
-    tc_volume *volume = waves(TC_F32); /* new: extracted while it is stopped */
+    g_autoptr(tc_volume) volume = waves(TC_F32); /* new: extracted while it is stopped */
     mesh_scene(&scene, volume, TC_PERSPECTIVE);
     scene.image.width = scene.image.height = 200;
     tc_interrupt interrupt;
@@ -200,14 +198,13 @@ TEST(frames_stop_and_go_on_to_the_same_picture) {
     const tc_frame *whole = test_draw(which, volume, &scene, NULL, NULL);
     assert_memory_equal(frame.rgba, whole->rgba, 4 * 200 * 200);
     tc_scene_clear(&scene);
-    tc_volume_unref(volume);
   }
 }
 
 /* The scene's list: values, labels and their colours together, each made once, whatever is done to the others. */
 TEST(several_surfaces_are_one_picture) {
   const int which = test_widest();
-  tc_volume *labels = balls(); /* 0, 3 and 7: at 1.5 the surface of both, at 5 that of the second alone */
+  g_autoptr(tc_volume) labels = balls(); /* 0, 3 and 7: at 1.5 the surface of both, at 5 that of the second alone */
   g_auto(tc_scene) scene;
   tc_explanation plan;
   mesh_scene(&scene, labels, TC_PERSPECTIVE);
@@ -255,7 +252,6 @@ TEST(several_surfaces_are_one_picture) {
   for (size_t i = 0; i < 4; i++) scene.mesh.surfaces[i].visible = false;
   frame = test_draw(which, labels, &scene, &request, &plan);
   for (int i = 0; i < PIXELS; i++) assert_true(frame->linear[4 * i + 3] == 0);
-  tc_volume_unref(labels);
 }
 
 static double error_of_drawn(tc_volume *volume, tc_volume *labels, tc_mesh *const *meshes, const tc_scene *drawn, const tc_scene *truth) {
@@ -284,7 +280,7 @@ TEST(lists_are_near_the_exact_surfaces) {
       {.value = 200, .color = {1, 0.4, 0.2}, .opacity = 0.4, .has_color = true, .visible = true, .two_sided = true},
       {.value = 100, .color = {0.3, 1, 0.2}, .opacity = 0.5, .has_color = true, .visible = true, .own_shading = 1},
       {.value = 36, .color = {0.3, 0.4, 1}, .opacity = 1, .has_color = true, .visible = true, .two_sided = true, .own_shading = 4, .diffuse = 0.9}};
-  tc_scene scene, other;
+  g_auto(tc_scene) scene, other;
   mesh_scene(&scene, volume, TC_PERSPECTIVE);
   scene.shading.model = TC_SHADING_LAMBERT, scene.shading.gradient = TC_GRADIENT_CENTRAL;
   tc_scene_set_surfaces(&scene, g_memdup2(list, sizeof list), 3);
@@ -299,8 +295,6 @@ TEST(lists_are_near_the_exact_surfaces) {
     assert_true(error_of(volume, &other, &scene) > 2 * off);
   }
   print_message("\n");
-  tc_scene_clear(&other);
-  tc_scene_clear(&scene);
 }
 
 /* Whatever a list holds, alone and within a volume: each member counts, the lights too. */
@@ -348,7 +342,7 @@ TEST(whatever_is_drawn_has_a_truth) {
 TEST(labels_have_a_truth) {
   const test_grid grid = {.dims = {40, 40, 40}, .type = TC_U8, .slope = 1};
   g_autoptr(tc_volume) labels = test_volume(&grid, in_two_halves, NULL);
-  tc_scene scene, truth;
+  g_auto(tc_scene) scene, truth;
   mesh_scene(&scene, labels, TC_PERSPECTIVE);
   scene.shading.model = TC_SHADING_LAMBERT, scene.labels.opacity = 1;
   g_strlcpy(scene.labels.volume, "labels", sizeof scene.labels.volume);
@@ -358,8 +352,6 @@ TEST(labels_have_a_truth) {
   const double without = error_of_drawn(labels, labels, NULL, &scene, &truth);
   print_message("  rms %.1e, without one %.3f\n", off, without);
   assert_true(off < 0.012 && without > 4 * off);
-  tc_scene_clear(&truth);
-  tc_scene_clear(&scene);
 }
 
 /* A mesh's own colours, in both compositing spaces; the truth without them is another picture. */
@@ -452,7 +444,7 @@ TEST(surfaces_are_between_what_is_before_and_behind_them) {
   g_autoptr(tc_volume) volume = around_a_ball();
   for (int round = 0; round < 4; round++) {
     const double opacity = round & 1 ? 1 : 0.4;
-    tc_scene scene;
+    g_auto(tc_scene) scene;
     tc_explanation plan;
     scene_within(&scene, volume, TC_MODE_DVR, opacity);
     scene.sampling.rays_per_pixel = round > 1 ? 3 : 1;
@@ -475,7 +467,6 @@ TEST(surfaces_are_between_what_is_before_and_behind_them) {
       for (int c = 0; c < 4; c++) assert_true(fabs(m.sum[c] - frame->linear[4 * i + c]) < 0.004);
     }
     assert_true(met > 400 && plan.stages[TC_STAGE_MESH].included && plan.stages[TC_STAGE_TABLE_2D].included);
-    tc_scene_clear(&scene);
   }
 }
 
@@ -501,7 +492,7 @@ TEST(surfaces_end_and_divide_maxima) {
   g_autoptr(tc_volume) volume = test_volume(&(test_grid){.dims = {40, 40, 40}, .type = TC_F32}, test_linear, (double[4]){0, 1, 0, 0});
   for (int round = 0; round < 3; round++) {
     const double opacity = round ? 1 : 0.4;
-    tc_scene scene;
+    g_auto(tc_scene) scene;
     scene_within(&scene, volume, TC_MODE_MIP, opacity);
     scene.mesh.surfaces[0].value = 15; /* the plane y = 15 */
     if (round == 2) scene.clip.planes[0][0] = 1, scene.clip.planes[0][3] = -20, scene.clip.n_planes = 1;
@@ -519,7 +510,6 @@ TEST(surfaces_end_and_divide_maxima) {
     scene.mesh.surfaces[0].visible = false; /* parts of one: the maximum itself */
     frame = test_draw(which, volume, &scene, NULL, NULL);
     assert_true(fabs(frame->linear[4 * (SIDE / 2 * SIDE + SIDE / 2 + 5)] - 39 / 40.0) < 0.001);
-    tc_scene_clear(&scene);
   }
 }
 

@@ -32,7 +32,7 @@ static int set_up(void **state) {
   scene.image.background[1] = 0.5;
   scene.sampling.step = 1;
   render();
-  tc_reference *reference = tc_reference_new(volume, &scene, WIDTH, HEIGHT, 1e-8, &error);
+  g_autoptr(tc_reference) reference = tc_reference_new(volume, &scene, WIDTH, HEIGHT, 1e-8, &error);
   if (!reference) return 1;
   double sum = 0;
   for (int i = 0; i < PIXELS; i++) {
@@ -43,7 +43,6 @@ static int set_up(void **state) {
     sum += squares[i] = tc_meter_square(&scene, got, wanted, &frame_max);
   }
   frame_rms = sqrt(sum / PIXELS);
-  tc_reference_free(reference);
   return 0;
 }
 

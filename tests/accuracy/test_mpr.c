@@ -225,9 +225,9 @@ TEST(whole_volume_fits) {
   const double index[3] = {8, 6, 4};
   for (int at = 0; at < N_PLACINGS; at++) {
     test_grid grid = grid_of(&placings[at], 17, 13, 9, TC_U16);
-    tc_volume *volume = test_volume(&grid, one_voxel, index);
+    g_autoptr(tc_volume) volume = test_volume(&grid, one_voxel, index);
     for (int o = 0; o < TC_MPR_ORIENTATION_COUNT; o++) {
-      tc_scene scene;
+      g_auto(tc_scene) scene;
       scene_of(&scene, (tc_mpr_orientation)o, 0, 400);
       scene.mpr.thickness_mm = 1000;
       scene.mpr.projection = TC_SLAB_MIP;
@@ -244,9 +244,7 @@ TEST(whole_volume_fits) {
         if (!(left && right) && !(top && bottom))
           fail_msg("%s, plane %d: does not fill the picture", placings[at].name, o);
       }
-      tc_scene_clear(&scene);
     }
-    tc_volume_unref(volume);
   }
 }
 
@@ -558,9 +556,9 @@ TEST(other_members_are_ignored) {
 
 /* A clip box and plane cut slices where they lie, and a slab's column to what is left: its ends are sampled there. */
 TEST(clipping_cuts_slices) {
-  tc_volume *volume = noise_volume(&placings[0], TC_U8, 1); /* 19x15x11 mm from the origin */
+  g_autoptr(tc_volume) volume = noise_volume(&placings[0], TC_U8, 1); /* 19x15x11 mm from the origin */
   EACH_RENDERER(m) {
-    tc_scene scene;
+    g_auto(tc_scene) scene;
     scene_of(&scene, TC_AXIAL, 0, 255);
     scene.clip.has_box = true;
     /* z = 5: the plane itself */
@@ -586,9 +584,7 @@ TEST(clipping_cuts_slices) {
       }
       assert_true(seen > 500);
     }
-    tc_scene_clear(&scene);
   }
-  tc_volume_unref(volume);
 }
 
 TEST(plan_names_what_runs) {
@@ -673,12 +669,10 @@ TEST(threads_change_nothing) {
   g_auto(tc_scene) scene;
   scene_of(&scene, TC_OBLIQUE, 0, 65535);
   scene.mpr.thickness_mm = 5;
-  tc_frame a = {0}, b = {0};
+  g_auto(tc_frame) a = {0}, b = {0};
   assert_true(tc_render(one, volume, &scene, NULL, &a, NULL));
   assert_true(tc_render(three, volume, &scene, NULL, &b, NULL));
   assert_memory_equal(a.rgba, b.rgba, WIDTH * HEIGHT * 4);
-  tc_frame_finish(&a);
-  tc_frame_finish(&b);
 }
 
 /* ---- colours ---- */
@@ -688,7 +682,7 @@ static tc_volume *colored(int side, const uint8_t (*planes)[3]) {
   tc_volume_desc d = {.dims = {side, side, side}, .type = TC_U8, .spacing = {1, 1, 1}, .direction = {1, 0, 0, 0, 1, 0, 0, 0, 1}, .slope = 1};
   tc_volume *v = tc_volume_new(&d, NULL);
   tc_colors *colors = tc_colors_new(v, NULL);
-  uint8_t *bytes = malloc(3 * (size_t)side * (size_t)side * (size_t)side);
+  g_autofree uint8_t *bytes = malloc(3 * (size_t)side * (size_t)side * (size_t)side);
   size_t n = 0;
   for (int i = 0; i < side * side * side; i++)
     for (int c = 0; c < 3; c++) bytes[n++] = planes[i / side / side][c];
@@ -697,7 +691,6 @@ static tc_volume *colored(int side, const uint8_t (*planes)[3]) {
   assert_true(tc_colors_end(colors));
   tc_colors_free(colors);
   tc_volume_seal(v);
-  free(bytes);
   return v;
 }
 

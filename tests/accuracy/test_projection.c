@@ -53,14 +53,14 @@ TEST(close_to_reference) {
       {7.1e-3, 2.9e-3, 2.9e-3, 5.8e-4}, {7.1e-3, 2.9e-3, 2.9e-3, 5.8e-4}, {4.6e-3, 1e-3, 2.8e-4, 6e-5}};
   for (int m = 0; m < 3; m++)
     for (int type = 0; type < TC_VOXEL_TYPE_COUNT; type++) {
-      tc_volume *volume = wave_volume((tc_voxel_type)type, 1);
+      g_autoptr(tc_volume) volume = wave_volume((tc_voxel_type)type, 1);
       const tc_volume_stats *range = tc_volume_statistics(volume);
-      tc_scene scene;
+      g_auto(tc_scene) scene;
       test_scene(&scene, 40, 36);
       test_scene_frame(&scene, volume, type % 2 ? TC_ORTHOGRAPHIC : TC_PERSPECTIVE, (double[3]){0.5, -1, 0.3});
       scene.mode = modes[m];
       set_window(&scene, range->min, range->max);
-      float *want = test_reference(volume, &scene, 0);
+      g_autofree float *want = test_reference(volume, &scene, 0);
       double rms[4][4];
       for (int s = 0; s < 4; s++)
         EACH_RENDERER(i) {
@@ -95,9 +95,6 @@ TEST(close_to_reference) {
         if (!(gain > (m < 2 ? 6 : 40)))
           fail_msg("%s, %s: the error falls by %g only", tc_mode_names[modes[m]], test_names[i], gain);
       }
-      free(want);
-      tc_scene_clear(&scene);
-      tc_volume_unref(volume);
     }
 }
 
@@ -109,7 +106,7 @@ TEST(inverted_slope) {
       const tc_volume_stats *range = tc_volume_statistics(upright);
       assert_true(tc_volume_describe(inverted)->slope < 0);
       assert_float_equal(tc_volume_statistics(inverted)->max, range->max, 1e-6);
-      tc_scene scene;
+      g_auto(tc_scene) scene;
       test_scene(&scene, 30, 26);
       test_scene_frame(&scene, upright, TC_PERSPECTIVE, (double[3]){-0.4, -1, 0.2});
       scene.mode = modes[m];
@@ -122,7 +119,6 @@ TEST(inverted_slope) {
           fail_msg("%s %s %s: off by %g", tc_mode_names[modes[m]], tc_voxel_type_name((tc_voxel_type)type),
                    test_names[i], d.max);
       }
-      tc_scene_clear(&scene);
       tc_volume_unref(upright);
       tc_volume_unref(inverted);
     }
@@ -131,9 +127,9 @@ TEST(inverted_slope) {
 /* A ray straight through a ramp: extrema at its two ends, the last of which no whole step reaches; the mean in the
  * middle. */
 TEST(closed_forms) {
-  tc_volume *volume =
+  g_autoptr(tc_volume) volume =
       test_volume(&(test_grid){.dims = {12, 9, 9}, .type = TC_F32}, test_linear, (double[4]){10, 0, 0, -20});
-  tc_scene scene;
+  g_auto(tc_scene) scene;
   test_scene(&scene, 7, 5);
   test_scene_look(&scene, TC_ORTHOGRAPHIC, (double[3]){-20, 4, 4}, (double[3]){0, 4, 4}, 6);
   set_window(&scene, -100, 100); /* values run from -20 to 90 */
@@ -157,8 +153,6 @@ TEST(closed_forms) {
             assert_int_equal(frame->rgba[4 * p + 3], 255);
           }
         }
-  tc_scene_clear(&scene);
-  tc_volume_unref(volume);
 }
 
 /* ---- shapes and numbers at the edge ---- */
@@ -171,14 +165,14 @@ TEST(thin_volumes) {
     for (int m = 0; m < 3; m++) {
       test_grid grid = {.type = TC_F32, .spacing = {1, 2, 0.7}};
       memcpy(grid.dims, dims[d], sizeof grid.dims);
-      tc_volume *volume = test_volume(&grid, test_noise, &seed);
-      tc_scene scene;
+      g_autoptr(tc_volume) volume = test_volume(&grid, test_noise, &seed);
+      g_auto(tc_scene) scene;
       test_scene(&scene, 20, 20);
       test_scene_frame(&scene, volume, TC_PERSPECTIVE, (double[3]){0.3, -1, 0.2});
       scene.mode = modes[m];
       scene.sampling.step = 0.02;
       set_window(&scene, 0, 1);
-      float *want = test_reference(volume, &scene, 0);
+      g_autofree float *want = test_reference(volume, &scene, 0);
       EACH_RENDERER(i) {
         const tc_frame *frame = render(i, volume, &scene, NULL);
         check_sane("thin", frame);
@@ -191,17 +185,15 @@ TEST(thin_volumes) {
           fail_msg("%dx%dx%d %s %s: %d pixels off", dims[d][0], dims[d][1], dims[d][2], tc_mode_names[modes[m]],
                    test_names[i], off);
       }
-      free(want);
-      tc_scene_clear(&scene);
-      tc_volume_unref(volume);
     }
 }
 
 /* A constant field is exact, windows at either side of it black or white, and windows of any width finite. */
 TEST(constants_and_extreme_windows) {
   const double value = 100;
-  tc_volume *volume = test_volume(&(test_grid){.dims = {20, 15, 300}, .type = TC_I16}, test_constant, &value);
-  tc_volume *huge = test_volume(&(test_grid){.dims = {9, 9, 9}, .type = TC_F32, .slope = 1e-9}, test_constant, &value);
+  g_autoptr(tc_volume) volume = test_volume(&(test_grid){.dims = {20, 15, 300}, .type = TC_I16}, test_constant, &value);
+  g_autoptr(tc_volume) huge =
+      test_volume(&(test_grid){.dims = {9, 9, 9}, .type = TC_F32, .slope = 1e-9}, test_constant, &value);
   static const struct { double center, width, grey;
   } windows[] = {{100, 50, 0.5}, {110, 40, 0.25},    {500, 100, 0},     {-500, 100, 1},  {99, 1e-9, 1},
                  {101, 1e-9, 0}, {99, 1e-320, 1},    {101, 1e-320, 0},  {0, 1e300, 0.5}, {1e300, 1, 0},
@@ -210,7 +202,7 @@ TEST(constants_and_extreme_windows) {
     for (int m = 0; m < 3; m++)
       EACH_RENDERER(i)
         for (int k = 0; k < 2; k++) {
-          tc_scene scene;
+          g_auto(tc_scene) scene;
           test_scene(&scene, 9, 9);
           test_scene_frame(&scene, k ? huge : volume, TC_PERSPECTIVE, (double[3]){0.1, 0.2, 1});
           scene.mode = modes[m];
@@ -223,20 +215,18 @@ TEST(constants_and_extreme_windows) {
           if (fabs((double)c[0] - windows[w].grey) > 2e-6)
             fail_msg("window %g/%g %s %s: %g, wanted %g", windows[w].center, windows[w].width, tc_mode_names[modes[m]],
                      test_names[i], (double)c[0], windows[w].grey);
-          tc_scene_clear(&scene);
         }
-  tc_volume_unref(volume);
-  tc_volume_unref(huge);
 }
 
 /* Clipped, a projection is that of what is left of each ray. */
 /* In linear light each ray's grey is decoded before the mean of a pixel's rays: at an edge too, colour is opacity times
  * the light. */
 TEST(edges_in_linear_light) {
-  tc_volume *volume = test_volume(&(test_grid){.dims = {9, 8, 7}, .type = TC_F32}, test_constant, &(double){0.5});
+  g_autoptr(tc_volume) volume =
+      test_volume(&(test_grid){.dims = {9, 8, 7}, .type = TC_F32}, test_constant, &(double){0.5});
   for (int m = 0; m < 3; m++)
     EACH_RENDERER(i) {
-      tc_scene scene;
+      g_auto(tc_scene) scene;
       test_scene(&scene, 24, 24);
       test_scene_frame(&scene, volume, TC_PERSPECTIVE, (double[3]){0.5, -1, 0.3});
       scene.mode = modes[m];
@@ -252,15 +242,13 @@ TEST(edges_in_linear_light) {
           fail_msg("%s, %s: %g at %g", test_names[i], tc_mode_names[modes[m]], c[0], c[3]);
       }
       assert_true(edges > 20);
-      tc_scene_clear(&scene);
     }
-  tc_volume_unref(volume);
 }
 
 TEST(clipped) {
-  tc_volume *volume = wave_volume(TC_F32, 1);
+  g_autoptr(tc_volume) volume = wave_volume(TC_F32, 1);
   for (int m = 0; m < 3; m++) {
-    tc_scene scene;
+    g_auto(tc_scene) scene;
     test_scene(&scene, 40, 36);
     test_scene_frame(&scene, volume, TC_PERSPECTIVE, (double[3]){0.3, -1, 0.4});
     scene.mode = modes[m];
@@ -270,7 +258,7 @@ TEST(clipped) {
     memcpy(scene.clip.box, (double[2][3]){{3.3, 2.2, 5.1}, {28, 17, 33}}, sizeof scene.clip.box);
     scene.clip.n_planes = 1;
     memcpy(scene.clip.planes[0], (double[4]){1, 1, -0.5, -6}, sizeof scene.clip.planes[0]);
-    float *want = test_reference(volume, &scene, 0);
+    g_autofree float *want = test_reference(volume, &scene, 0);
     EACH_RENDERER(i) {
       tc_explanation plan;
       const tc_frame *frame = render(i, volume, &scene, &plan);
@@ -290,10 +278,7 @@ TEST(clipped) {
       if (off > 2 || met < 200 || max > 4e-3)
         fail_msg("%s %s: %d of %d pixels off, max %g", tc_mode_names[modes[m]], test_names[i], off, met, max);
     }
-    free(want);
-    tc_scene_clear(&scene);
   }
-  tc_volume_unref(volume);
 }
 
 /* ---- skipping ---- */
@@ -356,9 +341,9 @@ TEST(skipping_changes_no_bit) {
     int skipped = 0, shown = 0, trials = r == GL ? 60 : 150;
     for (int trial = 0; trial < trials; trial++) {
       uint64_t seed = seeds;
-      tc_volume *v = random_volume(&seeds);
-      tc_scene s;
-      tc_frame on = {0}, off = {0};
+      g_autoptr(tc_volume) v = random_volume(&seeds);
+      g_auto(tc_scene) s;
+      g_auto(tc_frame) on = {0}, off = {0};
       tc_render_request q = {.want_linear = true};
       random_scene(&s, v, trial, &seeds);
       assert_true(tc_render(test_renderers[r], v, &s, &q, &on, NULL));
@@ -377,10 +362,6 @@ TEST(skipping_changes_no_bit) {
           shown++;
           break;
         }
-      tc_frame_finish(&on);
-      tc_frame_finish(&off);
-      tc_scene_clear(&s);
-      tc_volume_unref(v);
     }
     printf("%s: %d scenes, %d with greys, %d skipped in, %.2f of the samples taken\n", test_names[r], trials, shown,
            skipped, (double)with / (double)without);
@@ -398,8 +379,8 @@ static double combs(double x, double y, double z, const void *context) {
 /* Which of equal samples is looked around does not depend on which interval was guessed to be the best. */
 TEST(first_of_equals) {
   test_grid grid = {.dims = {8, 8, 96}, .type = TC_U8, .spacing = {1, 1, 1}, .slope = 1};
-  tc_volume *v = test_volume(&grid, combs, NULL);
-  tc_scene s;
+  g_autoptr(tc_volume) v = test_volume(&grid, combs, NULL);
+  g_auto(tc_scene) s;
   test_scene(&s, 24, 24);
   s.mode = TC_MODE_MIP;
   s.sampling.step = 2;
@@ -416,15 +397,13 @@ TEST(first_of_equals) {
       if (fabs(255 * (double)f->linear[4 * p] - 200) > 0.01)
         fail_msg("%s, skipping %d: pixel %zu is %g", test_names[i], skip, p, 255 * (double)f->linear[4 * p]);
   }
-  tc_scene_clear(&s);
-  tc_volume_unref(v);
 }
 
 /* On volumes with much between which little is bright it pays: samples as they were measured, with a margin. */
 TEST(skipping_pays) {
   const char *data = getenv("TC_DATA");
   char path[512];
-  tc_volume *v = NULL;
+  g_autoptr(tc_volume) v = NULL;
   if (data) {
     snprintf(path, sizeof path, "%s/nrrd/aneurism.nrrd", data);
     v = tc_import(path, NULL, NULL);
@@ -434,7 +413,7 @@ TEST(skipping_pays) {
     printf("  TC_DATA is not set: the generated vessels stand in\n");
     v = tc_volume_demo("vessels", NULL);
   }
-  tc_scene s;
+  g_auto(tc_scene) s;
   tc_scene_init(&s);
   tc_scene_fit(&s, v);
   s.mode = TC_MODE_MIP;
@@ -449,15 +428,13 @@ TEST(skipping_pays) {
   assert_true((double)on < (real ? 0.5 : 1) * (double)off); /* the generated ones are thick and fill their box */
   assert_true(bytes < 0.03);
   assert_true(render(0, v, &s, NULL)->stats.skip_ms == 0); /* a second frame builds nothing */
-  tc_scene_clear(&s);
-  tc_volume_unref(v);
 }
 
 /* ---- the plan ---- */
 
 TEST(plan_leaves_out) {
-  tc_volume *volume = wave_volume(TC_U16, 1);
-  tc_scene scene;
+  g_autoptr(tc_volume) volume = wave_volume(TC_U16, 1);
+  g_auto(tc_scene) scene;
   test_scene(&scene, 16, 16);
   test_scene_frame(&scene, volume, TC_PERSPECTIVE, (double[3]){0, -1, 0});
   /* Without meaning in these modes, hence no reason to refuse. */
@@ -487,8 +464,6 @@ TEST(plan_leaves_out) {
       assert_int_equal(plan.stages[TC_STAGE_SKIPPING].bytes > 0, modes[m] != TC_MODE_AVERAGE);
       assert_int_equal(frame->stats.leaps > 0 && modes[m] == TC_MODE_AVERAGE, 0);
     }
-  tc_scene_clear(&scene);
-  tc_volume_unref(volume);
 }
 
 static void expect_refused(const tc_volume *volume, const tc_scene *scene, int code, const char *pointer) {
@@ -501,10 +476,10 @@ static void expect_refused(const tc_volume *volume, const tc_scene *scene, int c
 }
 
 TEST(refusals) {
-  tc_volume *volume = wave_volume(TC_U8, 1);
+  g_autoptr(tc_volume) volume = wave_volume(TC_U8, 1);
   const double widths[] = {0, -1, NAN, INFINITY}, centers[] = {NAN, -INFINITY};
   for (int m = 0; m < 3; m++) {
-    tc_scene scene;
+    g_auto(tc_scene) scene;
     test_scene(&scene, 16, 16);
     test_scene_frame(&scene, volume, TC_PERSPECTIVE, (double[3]){0, -1, 0});
     scene.mode = modes[m];
@@ -527,9 +502,7 @@ TEST(refusals) {
     scene.clip.n_planes = 1; /* a normal of zero */
     expect_refused(volume, &scene, TC_ERROR_INVALID, "/clip/planes/0");
     scene.clip.n_planes = 0;
-    tc_scene_clear(&scene);
   }
-  tc_volume_unref(volume);
 }
 
 TESTS(test_renderers_open, test_renderers_close)

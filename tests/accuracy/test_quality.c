@@ -97,7 +97,7 @@ static void compared(const path *p, int k, int *x, int *y) {
 static void integrate(path *p, int i) {
   GError *error = NULL;
   const tc_scene *s = &p->scene;
-  tc_reference *reference =
+  g_autoptr(tc_reference) reference =
       tc_reference_new_labelled(p->volume, p->labels, s, s->image.width, s->image.height, 1e-7, &error);
   if (!reference) fail_msg("%s", error->message);
   p->wanted[i] = malloc(PIXELS * 4 * sizeof(float));
@@ -108,7 +108,6 @@ static void integrate(path *p, int i) {
     tc_meter_truth(reference, s, x, y, 1, rgba);
     for (int c = 0; c < 4; c++) p->wanted[i][4 * k + c] = (float)rgba[c];
   }
-  tc_reference_free(reference);
 }
 
 static void open_path(path *p, const look *l, int n) {

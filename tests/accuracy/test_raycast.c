@@ -44,9 +44,8 @@ static double measure_against(const char *what, const float *want, tc_volume *vo
 }
 
 static double measure(const char *what, tc_volume *volume, const tc_scene *scene, double rms, double max) {
-  float *want = test_reference(volume, scene, 0);
+  g_autofree float *want = test_reference(volume, scene, 0);
   double error = measure_against(what, want, volume, scene, rms, max);
-  free(want);
   return error;
 }
 
@@ -78,67 +77,59 @@ typedef struct bounds {
 
 TEST(homogeneous_slab) {
   for (int type = 0; type < TC_VOXEL_TYPE_COUNT; type++) {
-    tc_volume *volume = slab((tc_voxel_type)type, 100, 0);
+    g_autoptr(tc_volume) volume = slab((tc_voxel_type)type, 100, 0);
     for (size_t s = 0; s < G_N_ELEMENTS(steps); s++)
       for (double tau = 1e-12; tau < 2e12; tau *= type == TC_I16 ? 10 : 1e6) {
         tc_knot knot = {.value = 0, .color = {1, 0.25, 0}, .amount = tau};
-        tc_scene scene = knots_scene(9, 6, TC_KNOT_EXTINCTION, &knot, 1);
+        g_auto(tc_scene) scene = knots_scene(9, 6, TC_KNOT_EXTINCTION, &knot, 1);
         look_through(&scene);
         scene.sampling.step = steps[s];
         double alpha = -expm1(-11 * tau);
-        float *want = plain(&scene, (double[4]){alpha, 0.25 * alpha, 0, alpha});
+        g_autofree float *want = plain(&scene, (double[4]){alpha, 0.25 * alpha, 0, alpha});
         char what[64];
         snprintf(what, sizeof what, "homogeneous %s, tau*d %.0e", tc_voxel_type_name((tc_voxel_type)type), 11 * tau);
         measure_against(what, want, volume, &scene, 2e-6, 2e-6);
-        free(want);
-        tc_scene_clear(&scene);
       }
-    tc_volume_unref(volume);
   }
 }
 
 /* tau = k s / 11, s from 0 to 11 along the ray; colour constant in blue, proportional to s in green. */
 TEST(linear_ramp) {
-  tc_volume *volume = slab(TC_F32, 0, 1);
+  g_autoptr(tc_volume) volume = slab(TC_F32, 0, 1);
   for (size_t s = 0; s < G_N_ELEMENTS(steps); s++)
     for (double k = 1e-4; k < 2; k *= 10) {
       tc_knot knots[] = {{.value = 0, .color = {0, 0, 0.5}, .amount = 0},
                          {.value = 11, .color = {0, 1, 0.5}, .amount = 11 * k}};
-      tc_scene scene = knots_scene(9, 6, TC_KNOT_EXTINCTION, knots, 2);
+      g_auto(tc_scene) scene = knots_scene(9, 6, TC_KNOT_EXTINCTION, knots, 2);
       look_through(&scene);
       scene.sampling.step = steps[s];
       double depth = 60.5 * k, q = sqrt(depth), alpha = -expm1(-depth);
       double green = sqrt(2 / k) / 11 * (0.5 * sqrt(M_PI) * erf(q) - q * exp(-depth));
-      float *want = plain(&scene, (double[4]){0, green, 0.5 * alpha, alpha});
+      g_autofree float *want = plain(&scene, (double[4]){0, green, 0.5 * alpha, alpha});
       char what[64];
       snprintf(what, sizeof what, "ramp of tau and colour, slope %.0e", k);
       /* a step of 4 leaves a last segment of 3/4: its colour is scaled like its opacity, which is not quite it */
       double bound = steps[s] == 4 ? 6e-4 : 6e-5;
       measure_against(what, want, volume, &scene, bound, bound);
-      free(want);
-      tc_scene_clear(&scene);
     }
-  tc_volume_unref(volume);
 }
 
 /* So many segments that each takes less than one part in 2^24 of the light: none may be lost. */
 TEST(thin_media) {
-  tc_volume *volume = test_volume(&(test_grid){.dims = {2048, 3, 3}, .type = TC_U8}, test_constant, &(double){100});
+  g_autoptr(tc_volume) volume =
+      test_volume(&(test_grid){.dims = {2048, 3, 3}, .type = TC_U8}, test_constant, &(double){100});
   for (double tau = 1e-8; tau < 2e-2; tau *= 10)
     for (double step = 2; step > 0.01; step /= 8) {
       tc_knot knot = {.value = 0, .color = {1, 0.25, 0}, .amount = tau};
-      tc_scene scene = knots_scene(4, 2, TC_KNOT_EXTINCTION, &knot, 1);
+      g_auto(tc_scene) scene = knots_scene(4, 2, TC_KNOT_EXTINCTION, &knot, 1);
       test_scene_look(&scene, TC_ORTHOGRAPHIC, (double[3]){-20, 1, 1}, (double[3]){0, 1, 1}, 1);
       scene.sampling.step = step;
       double alpha = -expm1(-2047 * tau), samples = 2047 / step;
-      float *want = plain(&scene, (double[4]){alpha, 0.25 * alpha, 0, alpha});
+      g_autofree float *want = plain(&scene, (double[4]){alpha, 0.25 * alpha, 0, alpha});
       char what[64];
       snprintf(what, sizeof what, "thin medium, depth %.0e", 2047 * tau);
       measure_against(what, want, volume, &scene, 1, 1e-7 + 2e-9 * samples);
-      free(want);
-      tc_scene_clear(&scene);
     }
-  tc_volume_unref(volume);
 }
 
 /* ---- scenes ---- */
@@ -155,19 +146,16 @@ static tc_volume *waves(tc_voxel_type type, const double spacing[3], const doubl
 TEST(voxel_types) {
   static const bounds allowed = {{1.1e-4, 6.5e-4, 9.5e-3}, {1.9e-3, 4.4e-3, 7e-2}};
   for (int type = 0; type < TC_VOXEL_TYPE_COUNT; type++) {
-    tc_volume *volume = waves((tc_voxel_type)type, NULL, NULL);
-    tc_scene scene = knots_scene(40, 32, TC_KNOT_EXTINCTION, test_soft, G_N_ELEMENTS(test_soft));
+    g_autoptr(tc_volume) volume = waves((tc_voxel_type)type, NULL, NULL);
+    g_auto(tc_scene) scene = knots_scene(40, 32, TC_KNOT_EXTINCTION, test_soft, G_N_ELEMENTS(test_soft));
     test_scene_frame(&scene, volume, TC_PERSPECTIVE, (double[3]){0.8, -1.5, 0.6});
-    float *want = test_reference(volume, &scene, 0);
+    g_autofree float *want = test_reference(volume, &scene, 0);
     for (size_t s = 0; s < G_N_ELEMENTS(steps); s++) {
       char what[64];
       snprintf(what, sizeof what, "waves %s", tc_voxel_type_name((tc_voxel_type)type));
       scene.sampling.step = steps[s];
       measure_against(what, want, volume, &scene, allowed.rms[s], allowed.max[s]);
     }
-    free(want);
-    tc_scene_clear(&scene);
-    tc_volume_unref(volume);
   }
 }
 
@@ -183,23 +171,21 @@ TEST(views) {
                {"sheared 0.7x0.9x2.5", {0.7, 0.9, 2.5}, true}};
   static const double sides[][3] = {{0, -1, 0}, {1, 0.3, -0.4}, {-0.2, 0.1, 1}};
   for (size_t g = 0; g < G_N_ELEMENTS(grids); g++) {
-    tc_volume *volume = waves(TC_U16, grids[g].spacing, grids[g].shear ? sheared : NULL);
+    g_autoptr(tc_volume) volume = waves(TC_U16, grids[g].spacing, grids[g].shear ? sheared : NULL);
     for (int projection = 0; projection < TC_PROJECTION_COUNT; projection++)
       for (size_t i = 0; i < G_N_ELEMENTS(sides); i++) {
-        tc_scene scene = knots_scene(31, 23, TC_KNOT_EXTINCTION, test_soft, G_N_ELEMENTS(test_soft));
+        g_auto(tc_scene) scene = knots_scene(31, 23, TC_KNOT_EXTINCTION, test_soft, G_N_ELEMENTS(test_soft));
         test_scene_frame(&scene, volume, (tc_projection)projection, sides[i]);
         char what[64];
         snprintf(what, sizeof what, "%s, %s, side %zu", grids[g].name, projection ? "orthographic" : "perspective", i);
         measure(what, volume, &scene, 9e-4, 6e-3);
-        tc_scene_clear(&scene);
       }
-    tc_volume_unref(volume);
   }
 }
 
 /* Inside, on a face, on a corner, very far, very narrow, very wide. */
 TEST(eyes) {
-  tc_volume *volume = waves(TC_I16, NULL, NULL);
+  g_autoptr(tc_volume) volume = waves(TC_I16, NULL, NULL);
   static const struct {
     const char *name;
     double index[3];
@@ -210,7 +196,7 @@ TEST(eyes) {
                {"at 1e7 mm", {-1e7, 3e6, 1e6}, 2e-4}};
   for (size_t i = 0; i < G_N_ELEMENTS(cases); i++)
     for (int projection = 0; projection < TC_PROJECTION_COUNT; projection++) {
-      tc_scene scene = knots_scene(32, 24, TC_KNOT_EXTINCTION, test_soft, G_N_ELEMENTS(test_soft));
+      g_auto(tc_scene) scene = knots_scene(32, 24, TC_KNOT_EXTINCTION, test_soft, G_N_ELEMENTS(test_soft));
       double from[3], to[3];
       tc_volume_index_to_lps(volume, cases[i].index, from);
       tc_volume_index_to_lps(volume, (double[3]){16, 14.5, 12.5}, to);
@@ -218,25 +204,20 @@ TEST(eyes) {
       char what[64];
       snprintf(what, sizeof what, "eye %s, %s", cases[i].name, projection ? "orthographic" : "perspective");
       measure(what, volume, &scene, 1.5e-3, 7e-3);
-      tc_scene_clear(&scene);
     }
-  tc_volume_unref(volume);
 }
 
 static void demo(const char *name, const tc_knot *knots, size_t n_knots, const double side[3], const bounds *allowed) {
   GError *error = NULL;
-  tc_volume *volume = tc_volume_demo(name, &error);
+  g_autoptr(tc_volume) volume = tc_volume_demo(name, &error);
   if (!volume) fail_msg("%s", error->message);
-  tc_scene scene = knots_scene(48, 40, TC_KNOT_OPACITY, knots, n_knots);
+  g_auto(tc_scene) scene = knots_scene(48, 40, TC_KNOT_OPACITY, knots, n_knots);
   test_scene_frame(&scene, volume, TC_PERSPECTIVE, side);
-  float *want = test_reference(volume, &scene, 0);
+  g_autofree float *want = test_reference(volume, &scene, 0);
   for (size_t s = 0; s < G_N_ELEMENTS(steps); s++) {
     scene.sampling.step = steps[s];
     measure_against(name, want, volume, &scene, allowed->rms[s], allowed->max[s]);
   }
-  free(want);
-  tc_scene_clear(&scene);
-  tc_volume_unref(volume);
 }
 
 TEST(demos) {
@@ -259,21 +240,19 @@ TEST(demos) {
 /* Step opacity on a ball: what a hard edge costs. */
 TEST(ball) {
   static const bounds allowed = {{8e-5, 3.5e-4, 8e-3}, {1.8e-3, 4.2e-3, 9.5e-2}};
-  tc_volume *volume =
+  g_autoptr(tc_volume) volume =
       test_volume(&(test_grid){.dims = {33, 33, 33}, .type = TC_F32}, test_radius2, (double[3]){16, 16, 16});
   for (int linear_light = 0; linear_light < 2; linear_light++) {
     tc_knot knots[] = {{.value = 121, .color = {1, 0.6, 0.1}, .amount = 0.15},
                        {.value = 121, .color = {1, 0.6, 0.1}, .amount = 0}};
-    tc_scene scene = knots_scene(33, 27, TC_KNOT_EXTINCTION, knots, 2);
+    g_auto(tc_scene) scene = knots_scene(33, 27, TC_KNOT_EXTINCTION, knots, 2);
     scene.image.linear_light = linear_light;
     test_scene_frame(&scene, volume, TC_ORTHOGRAPHIC, (double[3]){0.3, -1, 0.2});
     for (size_t s = 0; s < G_N_ELEMENTS(steps); s++) {
       scene.sampling.step = steps[s];
       measure(linear_light ? "ball, linear light" : "ball", volume, &scene, allowed.rms[s], allowed.max[s]);
     }
-    tc_scene_clear(&scene);
   }
-  tc_volume_unref(volume);
 }
 
 /* ---- order of convergence ---- */
@@ -282,13 +261,14 @@ TEST(ball) {
  * wavelength is 80 voxels, steps 8 .. 1 voxels; extinction and colour are linear in the value, so that the table's own
  * error (measured by the constant 1e-6 of the ramp test) stays an order below the finest step's. */
 TEST(observed_order) {
-  tc_volume *volume = test_volume(&(test_grid){.dims = {64, 64, 64}, .type = TC_F32}, test_waves, &(double){80});
+  g_autoptr(tc_volume) volume =
+      test_volume(&(test_grid){.dims = {64, 64, 64}, .type = TC_F32}, test_waves, &(double){80});
   tc_knot knots[] = {{.value = 0, .color = {0.2, 0.4, 1}, .amount = 0},
                      {.value = 1, .color = {1, 0.5, 0}, .amount = 0.08}};
-  tc_scene scene = knots_scene(40, 40, TC_KNOT_EXTINCTION, knots, 2);
+  g_auto(tc_scene) scene = knots_scene(40, 40, TC_KNOT_EXTINCTION, knots, 2);
   test_scene_frame(&scene, volume, TC_PERSPECTIVE, (double[3]){0.5, -1, 0.3});
   scene.camera.fov_y_deg = 12;
-  float *want = test_reference(volume, &scene, 0);
+  g_autofree float *want = test_reference(volume, &scene, 0);
   double error[4];
   for (int i = 0; i < 4; i++) {
     scene.sampling.step = 8 >> i;
@@ -297,9 +277,6 @@ TEST(observed_order) {
   double order = log2(error[0] / error[3]) / 3;
   printf("  observed order of preintegrated: %.3f over three octaves (%.2f, %.2f, %.2f)\n", order,
          log2(error[0] / error[1]), log2(error[1] / error[2]), log2(error[2] / error[3]));
-  free(want);
-  tc_scene_clear(&scene);
-  tc_volume_unref(volume);
   assert_true(fabs(order - 2) <= 0.15);
 }
 
@@ -307,17 +284,17 @@ TEST(observed_order) {
 
 TEST(early_termination) {
   static const double thresholds[] = {0.001, 0.01, 0.1};
-  tc_volume *volume = waves(TC_U8, NULL, NULL);
+  g_autoptr(tc_volume) volume = waves(TC_U8, NULL, NULL);
   tc_knot knots[] = {{.value = 0.2, .color = {1, 1, 0.5}, .amount = 0},
                      {.value = 1, .color = {1, 0, 1}, .amount = 0.9}};
-  tc_scene scene = knots_scene(40, 32, TC_KNOT_EXTINCTION, knots, 2);
+  g_auto(tc_scene) scene = knots_scene(40, 32, TC_KNOT_EXTINCTION, knots, 2);
   test_scene_frame(&scene, volume, TC_PERSPECTIVE, (double[3]){0.8, -1.5, 0.6});
   size_t pixels = 40 * 32;
   EACH_CPU(isa) {
     scene.sampling.termination = 0;
     const tc_frame *frame = render(isa, volume, &scene);
     uint64_t samples = frame->stats.samples;
-    float *whole = g_memdup2(frame->linear, pixels * 4 * sizeof(float));
+    g_autofree float *whole = g_memdup2(frame->linear, pixels * 4 * sizeof(float));
     for (size_t i = 0; i < G_N_ELEMENTS(thresholds); i++) {
       scene.sampling.termination = thresholds[i];
       frame = render(isa, volume, &scene);
@@ -327,10 +304,7 @@ TEST(early_termination) {
       assert_true(d.max > 0 && d.max <= thresholds[i] + 1e-6);
       assert_true(frame->stats.samples < samples);
     }
-    g_free(whole);
   }
-  tc_scene_clear(&scene);
-  tc_volume_unref(volume);
 }
 
 static double block(double x, double y, double z, const void *unused) {
@@ -338,12 +312,12 @@ static double block(double x, double y, double z, const void *unused) {
 }
 
 TEST(opaque_colour_is_exact) {
-  tc_volume *volume = test_volume(&(test_grid){.dims = {13, 13, 13}, .type = TC_U8}, block, NULL);
+  g_autoptr(tc_volume) volume = test_volume(&(test_grid){.dims = {13, 13, 13}, .type = TC_U8}, block, NULL);
   for (int variant = 0; variant < 16; variant++) {
     tc_knot knots[] = {{.value = 0, .color = {1, 0, 0}, .amount = 0},
                        {.value = 100, .color = {1, 0, 0}, .amount = 0},
                        {.value = 100, .color = {1, 0, 0}, .amount = variant & 4 ? 1e6 : 1}};
-    tc_scene scene = knots_scene(64, 64, variant & 4 ? TC_KNOT_EXTINCTION : TC_KNOT_OPACITY, knots, 3);
+    g_auto(tc_scene) scene = knots_scene(64, 64, variant & 4 ? TC_KNOT_EXTINCTION : TC_KNOT_OPACITY, knots, 3);
     scene.image.linear_light = variant & 1;
     scene.image.transparent = variant & 2;
     scene.image.background[2] = 1;
@@ -363,25 +337,23 @@ TEST(opaque_colour_is_exact) {
       assert_int_equal(corner[3], scene.image.transparent ? 0 : 255);
       if (!scene.image.transparent) assert_int_equal(corner[2], 255);
     }
-    tc_scene_clear(&scene);
   }
-  tc_volume_unref(volume);
 }
 
 TEST(threads_make_no_difference) {
   static const int counts[] = {1, 2, 3, 5};
-  tc_volume *volume = waves(TC_U16, NULL, NULL);
-  tc_scene scene = knots_scene(131, 97, TC_KNOT_EXTINCTION, test_soft, G_N_ELEMENTS(test_soft));
+  g_autoptr(tc_volume) volume = waves(TC_U16, NULL, NULL);
+  g_auto(tc_scene) scene = knots_scene(131, 97, TC_KNOT_EXTINCTION, test_soft, G_N_ELEMENTS(test_soft));
   scene.sampling.termination = 0.01;
   test_scene_frame(&scene, volume, TC_PERSPECTIVE, (double[3]){0.8, -1.5, 0.6});
   size_t bytes = 131 * 97 * 4;
   EACH_CPU(isa) {
-    uint8_t *rgba = NULL;
-    float *linear = NULL;
+    g_autofree uint8_t *rgba = NULL;
+    g_autofree float *linear = NULL;
     for (size_t i = 0; i < G_N_ELEMENTS(counts); i++) {
-      tc_frame frame = {0};
+      g_auto(tc_frame) frame = {0};
       tc_renderer_options options = {.backend = TC_BACKEND_CPU, .threads = counts[i], .isa = test_names[isa]};
-      tc_renderer *renderer = tc_renderer_new(&options, NULL);
+      g_autoptr(tc_renderer) renderer = tc_renderer_new(&options, NULL);
       assert_true(tc_render(renderer, volume, &scene, &(tc_render_request){.want_linear = true}, &frame, NULL));
       if (i == 0) {
         rgba = g_memdup2(frame.rgba, bytes);
@@ -389,14 +361,8 @@ TEST(threads_make_no_difference) {
       }
       assert_memory_equal(frame.rgba, rgba, bytes);
       assert_memory_equal(frame.linear, linear, bytes * sizeof(float));
-      tc_frame_finish(&frame);
-      tc_renderer_free(renderer);
     }
-    g_free(rgba);
-    g_free(linear);
   }
-  tc_scene_clear(&scene);
-  tc_volume_unref(volume);
 }
 
 /* ---- stiff and extreme cases: invariants ---- */
@@ -405,13 +371,12 @@ TEST(threads_make_no_difference) {
 static void check_skipping(const char *what, int isa, tc_volume *volume, const tc_scene *scene, size_t pixels) {
   tc_scene plain_scene = *scene; /* shares the knots */
   plain_scene.skipping.mode = TC_SKIPPING_OFF;
-  float *leapt = g_memdup2(test_frames[isa].linear, pixels * 4 * sizeof(float));
+  g_autofree float *leapt = g_memdup2(test_frames[isa].linear, pixels * 4 * sizeof(float));
   const float *all = render(isa, volume, &plain_scene)->linear;
   for (size_t i = 0; i < 4 * pixels; i++)
     if (memcmp(&leapt[i], &all[i], sizeof(float)))
       fail_msg("%s, %s: channel %zu of pixel %zu is %.9g with leaps, %.9g without", what, test_names[isa], i % 4, i / 4,
                (double)leapt[i], (double)all[i]);
-  g_free(leapt);
 }
 
 /* No NaN leaves, opacity is within 0..1, colour is within opacity times the brightest knot; instruction sets agree
@@ -456,19 +421,17 @@ TEST(not_finite_voxels) {
                              .spacing = {1, 1, 1},
                              .direction = {1, 0, 0, 0, 1, 0, 0, 0, 1},
                              .slope = 1};
-      tc_volume *volume = tc_volume_new(&desc, NULL);
+      g_autoptr(tc_volume) volume = tc_volume_new(&desc, NULL);
       float *voxels = tc_volume_voxels(volume);
       for (int i = 0; i < 9 * 8 * 7; i++)
         voxels[i] = all || i % 5 == 0 ? odd[o] : (float)(i % 7);
       tc_volume_seal(volume);
       tc_knot knots[] = {{.value = 0, .color = {1, 0, 0}, .amount = 0}, {.value = 6, .color = {0, 1, 1}, .amount = 2}};
-      tc_scene scene = knots_scene(17, 16, TC_KNOT_EXTINCTION, knots, 2);
+      g_auto(tc_scene) scene = knots_scene(17, 16, TC_KNOT_EXTINCTION, knots, 2);
       test_scene_frame(&scene, volume, TC_PERSPECTIVE, (double[3]){0.8, -1.5, 0.6});
       char what[64];
       snprintf(what, sizeof what, "%s voxels of %g", all ? "all" : "some", (double)odd[o]);
       check_invariants(what, volume, &scene, 0);
-      tc_scene_clear(&scene);
-      tc_volume_unref(volume);
     }
 }
 
@@ -489,39 +452,35 @@ TEST(ranges_and_slopes) {
                {"far offset", 100000, 100001, 1, 0}};
   for (size_t i = 0; i < G_N_ELEMENTS(cases); i++) {
     double a = cases[i].slope * cases[i].a + cases[i].intercept, b = cases[i].slope * cases[i].b + cases[i].intercept;
-    tc_volume *volume = test_volume(
+    g_autoptr(tc_volume) volume = test_volume(
         &(test_grid){.dims = {12, 9, 9}, .type = TC_F32, .slope = cases[i].slope, .intercept = cases[i].intercept},
         test_linear, (double[4]){(b - a) / 11, 0, 0, a});
     double lo = fmin(a, b), hi = fmax(a, b);
     tc_knot knots[] = {{.value = lo, .color = {0, 1, 0}, .amount = 0.01},
                        {.value = lo + 0.5 * (hi - lo), .color = {1, 0, 1}, .amount = 0.3},
                        {.value = hi, .color = {1, 1, 1}, .amount = 0.1}};
-    tc_scene scene = knots_scene(9, 6, TC_KNOT_EXTINCTION, knots, 3);
+    g_auto(tc_scene) scene = knots_scene(9, 6, TC_KNOT_EXTINCTION, knots, 3);
     look_through(&scene);
     check_invariants(cases[i].name, volume, &scene, 1e-4);
     measure(cases[i].name, volume, &scene, 1.5e-5, 1.7e-5);
-    tc_scene_clear(&scene);
-    tc_volume_unref(volume);
   }
 }
 
 /* A peak one value wide in 16-bit data: seen, with the right strength, by every step. */
 TEST(one_value_peak) {
-  tc_volume *volume =
+  g_autoptr(tc_volume) volume =
       test_volume(&(test_grid){.dims = {12, 9, 9}, .type = TC_U16}, test_linear, (double[4]){5900, 0, 0, 100});
   for (double at = 20000; at < 20003; at += 0.7) {
     tc_knot knots[] = {{.value = at - 0.5, .color = {1, 1, 0}, .amount = 0},
                        {.value = at, .color = {1, 1, 0}, .amount = 5900},
                        {.value = at + 0.5, .color = {1, 1, 0}, .amount = 0}};
-    tc_scene scene = knots_scene(9, 6, TC_KNOT_EXTINCTION, knots, 3);
+    g_auto(tc_scene) scene = knots_scene(9, 6, TC_KNOT_EXTINCTION, knots, 3);
     look_through(&scene); /* the field passes a unit in 1/5900 mm: optical depth 1/2 */
     for (size_t s = 0; s < G_N_ELEMENTS(steps); s++) {
       scene.sampling.step = steps[s];
       measure("peak one value wide", volume, &scene, 1e-4, 1.2e-4);
     }
-    tc_scene_clear(&scene);
   }
-  tc_volume_unref(volume);
 }
 
 /* The same where the data's range is wide and the field slow: the peak is a small part of what lies between two nodes
@@ -538,7 +497,7 @@ TEST(peak_in_wide_range) {
   for (int type = TC_U16; type <= TC_F32; type++)
     for (size_t i = 0; i < G_N_ELEMENTS(slopes); i++) {
       test_grid grid = {.dims = {12, 9, 9}, .type = (tc_voxel_type)type, .intercept = type == TC_I16 ? 32768 : 0};
-      tc_volume *volume = test_volume(&grid, ramp_in_wide_range, &slopes[i]);
+      g_autoptr(tc_volume) volume = test_volume(&grid, ramp_in_wide_range, &slopes[i]);
       double tau = slopes[i]; /* optical depth 1/2 */
       tc_knot peak[] = {{.value = 19999.5, .color = {1, 1, 0}, .amount = 0},
                         {.value = 20000, .color = {1, 0, 0.5}, .amount = tau},
@@ -548,7 +507,7 @@ TEST(peak_in_wide_range) {
                        {.value = 20000.5, .color = {0, 1, 0}, .amount = 0.5 * tau},
                        {.value = 20000.5, .color = {0, 1, 0}, .amount = 0}};
       for (int boxed = 0; boxed < 2; boxed++) {
-        tc_scene scene = knots_scene(9, 6, TC_KNOT_EXTINCTION, boxed ? box : peak, boxed ? 4 : 3);
+        g_auto(tc_scene) scene = knots_scene(9, 6, TC_KNOT_EXTINCTION, boxed ? box : peak, boxed ? 4 : 3);
         look_through(&scene);
         for (size_t s = 0; s < G_N_ELEMENTS(steps); s++) {
           char what[96];
@@ -557,9 +516,7 @@ TEST(peak_in_wide_range) {
           scene.sampling.step = steps[s];
           measure(what, volume, &scene, most[s][i], most[s][i]);
         }
-        tc_scene_clear(&scene);
       }
-      tc_volume_unref(volume);
     }
 }
 
@@ -573,23 +530,22 @@ TEST(shapes_and_sizes) {
                         .type = (tc_voxel_type)(s % TC_VOXEL_TYPE_COUNT),
                         .spacing = {1, s == 3 ? 1000 : 1, 1},
                         .slope = 0.01};
-      tc_volume *volume = test_volume(&grid, test_noise, &seed);
-      tc_scene scene = knots_scene(pictures[p][0], pictures[p][1], TC_KNOT_EXTINCTION, test_soft, G_N_ELEMENTS(test_soft));
+      g_autoptr(tc_volume) volume = test_volume(&grid, test_noise, &seed);
+      g_auto(tc_scene) scene =
+          knots_scene(pictures[p][0], pictures[p][1], TC_KNOT_EXTINCTION, test_soft, G_N_ELEMENTS(test_soft));
       test_scene_frame(&scene, volume, p & 1 ? TC_ORTHOGRAPHIC : TC_PERSPECTIVE, (double[3]){0.21, -1, 0.1});
       char what[64];
       snprintf(what, sizeof what, "%dx%dx%d in %dx%d", shapes[s][0], shapes[s][1], shapes[s][2], pictures[p][0],
                pictures[p][1]);
       check_invariants(what, volume, &scene, 1e-4);
       if (p == 3) measure(what, volume, &scene, 2e-3, 4e-2);
-      tc_scene_clear(&scene);
-      tc_volume_unref(volume);
     }
 }
 
 /* Many knots, steps of 1e-3 and 1e3 voxels, nothing to see, all opaque. */
 TEST(odd_transfer_functions) {
-  tc_volume *volume = waves(TC_U16, NULL, NULL);
-  tc_knot *many = calloc(TC_MAX_KNOTS, sizeof *many);
+  g_autoptr(tc_volume) volume = waves(TC_U16, NULL, NULL);
+  g_autofree tc_knot *many = calloc(TC_MAX_KNOTS, sizeof *many);
   uint64_t seed = 11;
   for (size_t i = 0; i < TC_MAX_KNOTS; i++) {
     many[i].value = (double)(i / 2) / (TC_MAX_KNOTS / 2); /* every value twice: jumps everywhere */
@@ -620,8 +576,6 @@ TEST(odd_transfer_functions) {
             assert_true(test_frames[0].linear[i] == 0);
         tc_scene_clear(&scene);
       }
-  free(many);
-  tc_volume_unref(volume);
 }
 
 TESTS(test_renderers_open, test_renderers_close)

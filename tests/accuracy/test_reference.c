@@ -73,7 +73,7 @@ TEST(linear_ramp) {
     double rgba[4], depth = 50 * k;
     tc_knot knots[] = {{.value = 0, .color = {1, 0, 0.5}, .amount = 0},
                        {.value = 10, .color = {1, 1, 0.5}, .amount = 10 * k}};
-    tc_scene scene = knots_scene(TC_KNOT_EXTINCTION, knots, 2);
+    g_auto(tc_scene) scene = knots_scene(TC_KNOT_EXTINCTION, knots, 2);
     one_ray(volume, &scene, slab_from, slab_to, 0, rgba);
     worst = fmax(worst, fmax(bad(rgba[3], -expm1(-depth)), bad(rgba[2], -0.5 * expm1(-depth))));
     /* int s/10 k s exp(-k s^2/2) ds */
@@ -87,7 +87,6 @@ TEST(linear_ramp) {
     scene = knots_scene(TC_KNOT_EXTINCTION, inner, 2);
     one_ray(volume, &scene, slab_from, slab_to, 0, rgba);
     worst_inner = fmax(worst_inner, bad(rgba[0], -expm1(-k * (0.5 * 3.8 * 3.8 + 3.8 * 2.9))));
-    tc_scene_clear(&scene);
   }
   tc_volume_unref(volume);
   report("ramp of tau, one colour, slope 1e-6 .. 1e8", worst, 1e-13);
@@ -153,12 +152,12 @@ TEST(jumps_and_peaks) {
 
 /* A Gaussian of tau over a linear field through n knots; D tends to a difference of erf. */
 TEST(gaussian) {
-  tc_volume *volume = slab(0, 1);
+  g_autoptr(tc_volume) volume = slab(0, 1);
   double sigma = 0.7, height = 2.5, error[2],
          exact = height * sigma * sqrt(2 * M_PI) * 0.5 * (erf(5 / (sigma * M_SQRT2)) - erf(-5 / (sigma * M_SQRT2)));
   for (int round = 0; round < 2; round++) {
     size_t n = round ? 8001 : 4001;
-    tc_knot *knots = calloc(n, sizeof *knots);
+    g_autofree tc_knot *knots = calloc(n, sizeof *knots);
     double sum = 0, rgba[4];
     for (size_t i = 0; i < n; i++) {
       knots[i].value = 10.0 * (double)i / (double)(n - 1);
@@ -172,9 +171,7 @@ TEST(gaussian) {
     report(round ? "Gaussian in 8001 knots against its trapezoids" : "Gaussian in 4001 knots against its trapezoids",
            bad(rgba[3], -expm1(-sum)), 1e-12);
     error[round] = bad(rgba[3], -expm1(-exact));
-    free(knots);
   }
-  tc_volume_unref(volume);
   printf("  Gaussian against erf: %.2e with 4001 knots, %.2e with 8001\n", error[0], error[1]);
   assert_true(error[1] < 1e-9);
 }
@@ -508,7 +505,8 @@ TEST(camera_rays) {
   memcpy(grid.direction, sheared, sizeof sheared);
   g_autoptr(tc_volume) volume = test_volume(&grid, test_noise, &noise_seed);
   tc_knot knots[] = {{.value = 0.1, .color = {1, 0, 0}, .amount = 0}, {.value = 0.9, .color = {0, 1, 1}, .amount = 1}};
-  tc_scene scene = knots_scene(TC_KNOT_EXTINCTION, knots, 2), single = knots_scene(TC_KNOT_EXTINCTION, knots, 2);
+  g_auto(tc_scene) scene = knots_scene(TC_KNOT_EXTINCTION, knots, 2),
+                   single = knots_scene(TC_KNOT_EXTINCTION, knots, 2);
   double worst = 0, seen = 0;
   const int width = 7, height = 4;
   for (int projection = 0; projection < 2; projection++) {
@@ -533,8 +531,6 @@ TEST(camera_rays) {
   printf("  %.0f of %d rays meet the volume\n", seen, 2 * width * height);
   assert_true(seen > 15);
   report("pixels of both projections against rays written out", worst, 1e-10);
-  tc_scene_clear(&scene);
-  tc_scene_clear(&single);
 }
 
 /* An eye further and further away must not change an orthographic picture. */

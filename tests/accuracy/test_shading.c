@@ -54,8 +54,8 @@ TEST(everyone_agrees) {
   for (int type = 0; type < TC_VOXEL_TYPE_COUNT; type++)
     for (int model = TC_SHADING_LAMBERT; model < TC_SHADING_COUNT; model++)
       for (int bits = 0; bits < 8; bits++) {
-        tc_volume *volume = waves((tc_voxel_type)type, 1);
-        tc_scene scene;
+        g_autoptr(tc_volume) volume = waves((tc_voxel_type)type, 1);
+        g_auto(tc_scene) scene;
         shaded_scene(&scene, volume, (tc_shading_model)model, soft, 3);
         if (bits & 1) light_from(&scene, 0.3, -1, 2);
         if (bits & 2) scene.camera.projection = TC_ORTHOGRAPHIC, scene.camera.height_mm = 30;
@@ -76,8 +76,6 @@ TEST(everyone_agrees) {
             else worst[i] = fmax(worst[i], d), sum[i] += d * d;
           }
         }
-        tc_scene_clear(&scene);
-        tc_volume_unref(volume);
       }
   EACH_RENDERER(i) {
     if (i == SCALAR) continue;
@@ -90,9 +88,9 @@ TEST(everyone_agrees) {
 }
 
 TEST(energy_is_bounded) {
-  tc_volume *volume = waves(TC_F32, 1);
+  g_autoptr(tc_volume) volume = waves(TC_F32, 1);
   for (int model = TC_SHADING_LAMBERT; model < TC_SHADING_COUNT; model++) {
-    tc_scene scene;
+    g_auto(tc_scene) scene;
     shaded_scene(&scene, volume, (tc_shading_model)model, soft, 3);
     scene.shading.ambient = scene.shading.diffuse = scene.shading.specular = 1;
     scene.shading.shininess = model == TC_SHADING_GOOCH ? 0 : 2;
@@ -103,22 +101,20 @@ TEST(energy_is_bounded) {
           if (!(c[3] <= 1 && c[k] >= 0 && c[k] <= c[3] + 2e-6f))
             fail_msg("%s: pixel %zu: %g of %g", test_names[i], p, c[k], c[3]);
     }
-    tc_scene_clear(&scene);
   }
-  tc_volume_unref(volume);
 }
 
 /* ---- the reference is the limit ---- */
 
 TEST(converges) {
-  tc_volume *volume = waves(TC_F32, 1);
+  g_autoptr(tc_volume) volume = waves(TC_F32, 1);
   for (int model = TC_SHADING_LAMBERT; model < TC_SHADING_COUNT; model++)
     for (int fixed = 0; fixed < 2; fixed++) {
-      tc_scene scene;
+      g_auto(tc_scene) scene;
       shaded_scene(&scene, volume, (tc_shading_model)model, soft, 3);
       if (fixed) light_from(&scene, 1, -1, 1);
       scene.shading.gradient = (tc_gradient)((model + 2 * fixed) % TC_GRADIENT_COUNT);
-      float *want = test_reference(volume, &scene, 1e-6);
+      g_autofree float *want = test_reference(volume, &scene, 1e-6);
       EACH_RENDERER(i) {
         double rms[3];
         for (int s = 0; s < 3; s++) {
@@ -133,10 +129,7 @@ TEST(converges) {
         assert_true(rms[1] < 0.4 * rms[0] && rms[2] < 0.4 * rms[1]);
         assert_true(rms[0] < 1.2e-2 && rms[2] < 8e-4);
       }
-      free(want);
-      tc_scene_clear(&scene);
     }
-  tc_volume_unref(volume);
 }
 
 /* ---- a ball ---- */
@@ -189,7 +182,7 @@ static double lit_ball(const tc_scene *s, double y, double z, double l[3]) {
 static void check_ball(const char *what, tc_volume *volume, const double center[3], tc_gradient gradient) {
   for (int model = TC_SHADING_LAMBERT; model <= TC_SHADING_BLINN_PHONG; model++)
     for (int fixed = 0; fixed < 2; fixed++) {
-      tc_scene scene;
+      g_auto(tc_scene) scene;
       shaded_scene(&scene, NULL, (tc_shading_model)model, hard, 2);
       look_at_ball(&scene, center);
       scene.shading.gradient = gradient;
@@ -211,20 +204,18 @@ static void check_ball(const char *what, tc_volume *volume, const double center[
         /* a highlight changes faster than its normal */
         assert_true(worst < (model == TC_SHADING_LAMBERT ? 1e-2 : 2e-2));
       }
-      tc_scene_clear(&scene);
     }
 }
 
 TEST(analytic_ball) {
   test_grid grid = even;
   const double center[3] = {16, 16, 16};
-  tc_volume *volume = ball_on(&grid, center);
+  g_autoptr(tc_volume) volume = ball_on(&grid, center);
   check_ball("ball", volume, center, TC_GRADIENT_CELL);
   tc_volume_unref(volume);
   grid.slope = -0.5; /* stored upside down */
   volume = ball_on(&grid, center);
   check_ball("ball, negative slope", volume, center, TC_GRADIENT_CENTRAL);
-  tc_volume_unref(volume);
 }
 
 /* The same ball on grids with other spacings and axes: the same picture. */
@@ -233,7 +224,7 @@ TEST(spacing_and_shear) {
   test_grid tall = even, sheared = even, turned = even;
   tall.dims[0] = 257, tall.dims[2] = 161;
   tall.spacing[0] = 0.125, tall.spacing[2] = 0.2;
-  tc_volume *volume = ball_on(&tall, center);
+  g_autoptr(tc_volume) volume = ball_on(&tall, center);
   for (int gradient = 0; gradient < TC_GRADIENT_COUNT; gradient++)
     check_ball("spacing 0.125, 0.25, 0.2", volume, center, (tc_gradient)gradient);
   tc_volume_unref(volume);
@@ -249,7 +240,6 @@ TEST(spacing_and_shear) {
   turned.origin[0] = 32;
   volume = ball_on(&turned, center);
   check_ball("turned", volume, center, TC_GRADIENT_CUBIC);
-  tc_volume_unref(volume);
 }
 
 /* On voxels of a twelfth of the radius a ball shows its cells, unless gradients are continuous; and what is shaded is
@@ -259,13 +249,13 @@ TEST(smooth_gradients_show_no_cells) {
       .dims = {33, 33, 33}, .type = TC_F32, .spacing = {1, 1, 1}, .direction = {1, 0, 0, 0, 1, 0, 0, 0, 1}};
   const double center[3] = {16, 16, 16};
   double light[3] = {1, 0, 0};
-  tc_volume *volume = test_volume(&grid, test_radius2, center);
+  g_autoptr(tc_volume) volume = test_volume(&grid, test_radius2, center);
   const tc_knot inside[] = {{144, {0.8, 0.8, 0.8}, 1000}, {144, {0.8, 0.8, 0.8}, 0}};
   uint64_t counted[RENDERERS][TC_GRADIENT_COUNT] = {{0}};
   EACH_RENDERER(i) {
     double rms[TC_GRADIENT_COUNT];
     for (int gradient = 0; gradient < TC_GRADIENT_COUNT; gradient++) {
-      tc_scene scene;
+      g_auto(tc_scene) scene;
       shaded_scene(&scene, NULL, TC_SHADING_LAMBERT, inside, 2);
       look_at_ball(&scene, center);
       scene.sampling.step = 0.1;
@@ -285,7 +275,6 @@ TEST(smooth_gradients_show_no_cells) {
       scene.shading.model = TC_SHADING_NONE;
       render(i, volume, &scene, NULL);
       assert_int_equal(test_frames[i].stats.gradients, 0);
-      tc_scene_clear(&scene);
     }
     printf("  %s: rms %.1e of cells, %.1e of central differences, %.1e of the cubic\n", test_names[i], rms[0], rms[1],
            rms[2]);
@@ -296,16 +285,15 @@ TEST(smooth_gradients_show_no_cells) {
       assert_true(fabs(share - 1) < 1e-2);
     }
   }
-  tc_volume_unref(volume);
 }
 
 TEST(light_turns_the_bright_side) {
   test_grid grid = even;
   const double center[3] = {16, 16, 16};
-  tc_volume *volume = ball_on(&grid, center);
+  g_autoptr(tc_volume) volume = ball_on(&grid, center);
   for (int model = TC_SHADING_LAMBERT; model < TC_SHADING_COUNT; model++)
     for (int sign = -1; sign <= 1; sign += 2) {
-      tc_scene scene;
+      g_auto(tc_scene) scene;
       shaded_scene(&scene, NULL, (tc_shading_model)model, hard, 2);
       look_at_ball(&scene, center);
       light_from(&scene, 0.2, sign, 0);
@@ -316,9 +304,7 @@ TEST(light_turns_the_bright_side) {
         pixel_at(image, SIDE / 2 + 16, SIDE / 2, right);
         assert_true(sign * (right[0] - left[0]) > 0.2); /* y grows to the right */
       }
-      tc_scene_clear(&scene);
     }
-  tc_volume_unref(volume);
 }
 
 /* ---- leaving out ---- */
@@ -326,13 +312,13 @@ TEST(light_turns_the_bright_side) {
 TEST(leaping_changes_no_bit) {
   static const tc_knot sparse[] = {{.value = 0.7, .color = {0.1, 0.2, 1}, .amount = 0},
                                    {.value = 0.8, .color = {1, 0.9, 0.4}, .amount = 0.5}};
-  float *whole = calloc(PIXELS, 16);
+  g_autofree float *whole = calloc(PIXELS, 16);
   for (int type = 0; type < TC_VOXEL_TYPE_COUNT; type++)
     for (int model = TC_SHADING_LAMBERT; model < TC_SHADING_COUNT; model++)
       for (int bits = 0; bits < 4; bits++) {
         test_grid grid = {.dims = {60, 50, 55}, .type = (tc_voxel_type)type, .slope = type == TC_F32 ? 1 : 0.01};
-        tc_volume *volume = test_volume(&grid, test_waves, &(double){40});
-        tc_scene scene;
+        g_autoptr(tc_volume) volume = test_volume(&grid, test_waves, &(double){40});
+        g_auto(tc_scene) scene;
         shaded_scene(&scene, volume, (tc_shading_model)model, sparse, 2);
         scene.sampling.step = 0.7;
         scene.shading.gradient = (tc_gradient)((bits + type) % TC_GRADIENT_COUNT);
@@ -347,10 +333,7 @@ TEST(leaping_changes_no_bit) {
           if (memcmp(whole, leapt, PIXELS * 16))
             fail_msg("%s: model %d, type %d, case %d: leaping shows", test_names[i], model, type, bits);
         }
-        tc_scene_clear(&scene);
-        tc_volume_unref(volume);
       }
-  free(whole);
 }
 
 /* A ramp over the value range with noise of +- grain on it. */
@@ -360,13 +343,13 @@ static double grainy(double x, double y, double z, const void *grain) {
 
 /* The largest difference that light makes, under every light and gradient. */
 static double light_shows(int which, tc_volume *volume, double *least) {
-  float *plain = g_malloc(PIXELS * 16);
+  g_autofree float *plain = g_malloc(PIXELS * 16);
   double most = 0;
   *least = INFINITY;
   for (int model = TC_SHADING_LAMBERT; model < TC_SHADING_COUNT; model++)
     for (int fixed = 0; fixed < 2; fixed++)
       for (int gradient = 0; gradient < TC_GRADIENT_COUNT; gradient++) {
-        tc_scene scene;
+        g_auto(tc_scene) scene;
         shaded_scene(&scene, volume, TC_SHADING_NONE, soft, 3);
         memcpy(plain, render(which, volume, &scene, NULL), PIXELS * 16);
         scene.shading.model = (tc_shading_model)model;
@@ -375,9 +358,7 @@ static double light_shows(int which, tc_volume *volume, double *least) {
         test_difference d = test_compare(render(which, volume, &scene, NULL), plain, PIXELS);
         assert_true(d.finite);
         most = fmax(most, d.max), *least = fmin(*least, d.max);
-        tc_scene_clear(&scene);
       }
-  g_free(plain);
   return most;
 }
 
@@ -400,55 +381,49 @@ TEST(flat_is_unshaded) {
 
 /* The order that segments are met in does not matter to their light. */
 TEST(back_to_front_is_lit_alike) {
-  tc_volume *volume = waves(TC_U16, 1);
+  g_autoptr(tc_volume) volume = waves(TC_U16, 1);
   for (int gradient = 0; gradient < TC_GRADIENT_COUNT; gradient++) {
-    tc_scene scene;
+    g_auto(tc_scene) scene;
     shaded_scene(&scene, volume, TC_SHADING_BLINN_PHONG, soft, 3);
     scene.shading.gradient = (tc_gradient)gradient;
     EACH_CPU(i) {
       scene.order = TC_FRONT_TO_BACK;
-      float *front = g_memdup2(render(i, volume, &scene, NULL), PIXELS * 16);
+      g_autofree float *front = g_memdup2(render(i, volume, &scene, NULL), PIXELS * 16);
       uint64_t counted = test_frames[i].stats.gradients;
       scene.order = TC_BACK_TO_FRONT;
       test_difference d = test_compare(render(i, volume, &scene, NULL), front, PIXELS);
       assert_true(d.finite && d.max < 1e-5);
       assert_true(counted > 0 && test_frames[i].stats.gradients == counted);
-      g_free(front);
     }
-    tc_scene_clear(&scene);
   }
-  tc_volume_unref(volume);
 }
 
 /* The cubic filter is lit by its own derivative, whatever gradient is asked for; with coefficients by that of what they
  * make. */
 TEST(cubic_filter_has_its_own) {
-  tc_volume *volume = waves(TC_U16, 1);
+  g_autoptr(tc_volume) volume = waves(TC_U16, 1);
   for (int prefilter = 0; prefilter < 2; prefilter++) {
-    tc_scene scene;
+    g_auto(tc_scene) scene;
     tc_explanation plan;
     shaded_scene(&scene, volume, TC_SHADING_BLINN_PHONG, soft, 3);
     scene.filter = TC_FILTER_CUBIC;
     scene.sampling.prefilter = prefilter;
     scene.sampling.step = 0.25;
-    float *want = test_reference(volume, &scene, 1e-5);
+    g_autofree float *want = test_reference(volume, &scene, 1e-5);
     EACH_RENDERER(i) {
       test_difference d = test_compare(render(i, volume, &scene, &plan), want, PIXELS);
       assert_int_equal(plan.key.gradient, TC_GRADIENT_CUBIC);
       printf("  %s, prefilter %d: rms %.1e\n", test_names[i], prefilter, d.rms);
       assert_true(d.finite && d.rms < 5e-4);
     }
-    g_free(want);
-    tc_scene_clear(&scene);
   }
-  tc_volume_unref(volume);
 }
 
 TEST(plan_says_what_is_in) {
-  tc_volume *volume = waves(TC_U16, 1);
+  g_autoptr(tc_volume) volume = waves(TC_U16, 1);
   tc_explanation plan;
   for (int model = TC_SHADING_NONE; model < TC_SHADING_COUNT; model++) {
-    tc_scene scene;
+    g_auto(tc_scene) scene;
     shaded_scene(&scene, volume, (tc_shading_model)model, soft, 3);
     scene.shading.gradient = TC_GRADIENT_CENTRAL;
     EACH_RENDERER(i) {
@@ -460,9 +435,7 @@ TEST(plan_says_what_is_in) {
       assert_int_equal(strstr(plan.stages[TC_STAGE_GRADIENT].reason, "central differences") != NULL, shaded);
       assert_int_equal(strstr(plan.kernel, ".shaded.") != NULL, shaded);
     }
-    tc_scene_clear(&scene);
   }
-  tc_volume_unref(volume);
 }
 
 static void refused(tc_volume *volume, const tc_scene *scene, const char *pointer) {
@@ -475,8 +448,8 @@ static void refused(tc_volume *volume, const tc_scene *scene, const char *pointe
 }
 
 TEST(nonsense_is_refused) {
-  tc_volume *volume = waves(TC_U8, 1);
-  tc_scene scene;
+  g_autoptr(tc_volume) volume = waves(TC_U8, 1);
+  g_auto(tc_scene) scene;
   shaded_scene(&scene, volume, TC_SHADING_BLINN_PHONG, soft, 3);
   const tc_scene good = scene;
   const double shares[] = {-0.1, 1.1, NAN, INFINITY};
@@ -489,8 +462,6 @@ TEST(nonsense_is_refused) {
   scene.shading.gradient = TC_GRADIENT_COUNT, refused(volume, &scene, "/shading/gradient"), scene = good;
   light_from(&scene, 0, 0, 0), refused(volume, &scene, "/shading/light"), scene = good;
   light_from(&scene, 0, NAN, 1), refused(volume, &scene, "/shading/light"), scene = good;
-  tc_scene_clear(&scene);
-  tc_volume_unref(volume);
 }
 
 /* One voxel along an axis, values near the ends of single precision, light straight from behind: finite everywhere. */
@@ -500,24 +471,21 @@ TEST(odd_volumes) {
     for (int e = -28; e <= 28; e += 28) {
       test_grid grid = {.dims = {dims[d][0], dims[d][1], dims[d][2]}, .type = TC_F32, .slope = d & 1 ? -1 : 1};
       double scale = pow(10, e);
-      tc_volume *volume = test_volume(&grid, test_linear, (double[4]){scale, 2 * scale, -scale, 0});
+      g_autoptr(tc_volume) volume = test_volume(&grid, test_linear, (double[4]){scale, 2 * scale, -scale, 0});
       tc_knot knot = {.value = 0, .color = {1, 0.5, 0}, .amount = 0.2};
-      tc_scene scene;
+      g_auto(tc_scene) scene;
       shaded_scene(&scene, volume, TC_SHADING_BLINN_PHONG, &knot, 1);
       for (int behind = 0; behind < 2; behind++) {
         double *from = scene.camera.position, *to = scene.camera.target;
         if (behind) light_from(&scene, to[0] - from[0], to[1] - from[1], to[2] - from[2]);
-        float *want = test_reference(volume, &scene, 1e-6);
+        g_autofree float *want = test_reference(volume, &scene, 1e-6);
         EACH_RENDERER(i) {
           test_difference diff = test_compare(render(i, volume, &scene, NULL), want, PIXELS);
           if (!diff.finite || !(diff.rms < 2e-3))
             fail_msg("%s: dims %d %d %d, scale %g: rms %g", test_names[i], dims[d][0], dims[d][1], dims[d][2], scale,
                      diff.rms);
         }
-        free(want);
       }
-      tc_scene_clear(&scene);
-      tc_volume_unref(volume);
     }
 }
 

@@ -10,6 +10,12 @@
 #include "renderer/tomocast.h"
 #include "tests/support/grid.h"
 
+G_DEFINE_AUTOPTR_CLEANUP_FUNC(tc_boxes, tc_boxes_free)
+G_DEFINE_AUTOPTR_CLEANUP_FUNC(tc_distance_map, tc_distance_map_free)
+G_DEFINE_AUTOPTR_CLEANUP_FUNC(tc_fine, tc_fine_free)
+G_DEFINE_AUTOPTR_CLEANUP_FUNC(tc_minmax, tc_minmax_free)
+G_DEFINE_AUTOPTR_CLEANUP_FUNC(tc_support, tc_support_free)
+
 typedef struct blobs {
   uint64_t seed;
   int count;
@@ -71,7 +77,7 @@ TEST(leaping_changes_no_bit) {
   static const char *const isas[] = {"scalar", "avx2", "avx512"};
   for (int isa = 0; isa < 3; isa++) {
     tc_renderer_options o = {.backend = TC_BACKEND_CPU, .isa = isas[isa]};
-    tc_renderer *r = tc_renderer_new(&o, NULL);
+    g_autoptr(tc_renderer) r = tc_renderer_new(&o, NULL);
     if (!r) {
       printf("skipped: no %s here\n", isas[isa]);
       continue;
@@ -80,8 +86,8 @@ TEST(leaping_changes_no_bit) {
     int shown = 0, leapt = 0;
     for (int trial = 0; trial < 120; trial++) {
       uint64_t seed = state;
-      tc_volume *v = random_volume(&state);
-      tc_scene s;
+      g_autoptr(tc_volume) v = random_volume(&state);
+      g_auto(tc_scene) s;
       test_scene(&s, 41, 37);
       random_knots(&s, &state);
       double side[3] = {test_random(&state) - 0.5, test_random(&state) - 0.5, test_random(&state) - 0.5};
@@ -91,7 +97,7 @@ TEST(leaping_changes_no_bit) {
       s.sampling.step = 0.3 + 2 * test_random(&state);
       s.sampling.termination = trial % 3 ? 0 : 0.01;
       s.skipping.block = 2 + (int)(10 * test_random(&state));
-      tc_frame on = {0}, off = {0};
+      g_auto(tc_frame) on = {0}, off = {0};
       render(r, v, &s, &on);
       s.skipping.mode = TC_SKIPPING_OFF;
       render(r, v, &s, &off);
@@ -108,15 +114,10 @@ TEST(leaping_changes_no_bit) {
           shown++;
           break;
         }
-      tc_frame_finish(&on);
-      tc_frame_finish(&off);
-      tc_scene_clear(&s);
-      tc_volume_unref(v);
     }
     printf("%s: 120 scenes, %d with something in them, %d leapt in, %.2f of the samples taken\n", isas[isa], shown,
            leapt, (double)with / (double)without);
     assert_true(shown > 40 && leapt > 40 && with < without); /* the trial is worth something */
-    tc_renderer_free(r);
   }
 }
 
@@ -143,7 +144,7 @@ TEST(zones_are_empty) {
     test_scene(&s, 8, 8);
     random_knots(&s, &state);
     const tc_table_params p = params_of(v, &s.transfer_function);
-    tc_support *support = tc_support_build(&p, NULL);
+    g_autoptr(tc_support) support = tc_support_build(&p, NULL);
     double below, above;
     tc_support_zones(&p, &below, &above);
     const uint32_t *used = support->used, most = used[p.n + 2];
@@ -152,7 +153,6 @@ TEST(zones_are_empty) {
       if (j >= above) assert_true(used[j] == most);
       if (j > below + 6 && j < p.n && j < above - 6) reach += used[j] == 0 || used[j] == most;
     }
-    tc_support_free(support);
   }
   assert_int_equal(reach, 0);
 }
@@ -161,14 +161,14 @@ TEST(zones_are_empty) {
 TEST(map_is_right) {
   uint64_t state = 5;
   for (int trial = 0; trial < 30; trial++) {
-    tc_volume *v = random_volume(&state);
-    tc_scene s;
+    g_autoptr(tc_volume) v = random_volume(&state);
+    g_auto(tc_scene) s;
     test_scene(&s, 8, 8);
     random_knots(&s, &state);
     const tc_volume_desc *d = tc_volume_describe(v);
-    tc_support *support = support_of(v, &s.transfer_function);
-    tc_minmax *m = tc_minmax_build(v, 2 + trial % 7, 0, NULL, NULL);
-    tc_distance_map *leap = tc_distance_map_build(m, support, NULL, NULL, NULL);
+    g_autoptr(tc_support) support = support_of(v, &s.transfer_function);
+    g_autoptr(tc_minmax) m = tc_minmax_build(v, 2 + trial % 7, 0, NULL, NULL);
+    g_autoptr(tc_distance_map) leap = tc_distance_map_build(m, support, NULL, NULL, NULL);
     for (int k = 0; k < 3; k++) {
       int cells = d->dims[k] > 1 ? d->dims[k] - 1 : 1;
       assert_true(m->blocks[k] * m->block >= cells && (m->blocks[k] - 1) * m->block < cells);
@@ -196,11 +196,6 @@ TEST(map_is_right) {
         assert_true(tc_extinction(&s.transfer_function, value) == 0);
       }
     }
-    tc_distance_map_free(leap);
-    tc_minmax_free(m);
-    tc_support_free(support);
-    tc_scene_clear(&s);
-    tc_volume_unref(v);
   }
 }
 
@@ -246,25 +241,22 @@ TEST(boxes_hold_what_shows) {
     random_knots(&s, &state);
     for (size_t k = 0; k < s.transfer_function.count && trial % 2; k++) s.transfer_function.points[k].value *= WIDE;
     const int reach = trial % 3 == 0;
-    tc_support *support = support_of(v, &s.transfer_function);
-    tc_fine *fine = tc_fine_begin(v, 5, reach, trial % 4 ? SIZE_MAX : 3000, NULL);
+    g_autoptr(tc_support) support = support_of(v, &s.transfer_function);
+    g_autoptr(tc_fine) fine = tc_fine_begin(v, 5, reach, trial % 4 ? SIZE_MAX : 3000, NULL);
     assert_true(tc_fine_go_on(fine, v, NULL, NULL));
-    tc_boxes *boxes = tc_boxes_begin(fine, support, NULL, NULL);
+    g_autoptr(tc_boxes) boxes = tc_boxes_begin(fine, support, NULL, NULL);
     assert_true(tc_boxes_go_on(boxes, fine, NULL, NULL));
-    tc_minmax *m = tc_minmax_build(v, boxes->block, reach, NULL, NULL);
-    tc_distance_map *leap = tc_distance_map_build(m, support, NULL, NULL, NULL);
+    g_autoptr(tc_minmax) m = tc_minmax_build(v, boxes->block, reach, NULL, NULL);
+    g_autoptr(tc_distance_map) leap = tc_distance_map_build(m, support, NULL, NULL, NULL);
     const size_t count = volume_of(m->blocks);
     assert_int_equal(count, volume_of(fine->grid.blocks));
-    bool *named = calloc(count, sizeof *named);
+    g_autofree bool *named = calloc(count, sizeof *named);
     mark_records(boxes, m->blocks, named);
     for (size_t i = 0; i < count; i++) {
       assert_true(named[i] || leap->distance[i] > 0);
       exact += leap->distance[i] == 0, more += named[i] && leap->distance[i] > 0;
     }
     all += count;
-    free(named);
-    tc_distance_map_free(leap), tc_minmax_free(m), tc_boxes_free(boxes), tc_fine_free(fine);
-    tc_support_free(support);
   }
   printf("of %zu fine boxes %zu show something, %zu more are named\n", all, exact, more);
   assert_true(exact > all / 20 && exact < all / 2 + all / 3 && more < exact / 10);
@@ -276,11 +268,11 @@ TEST(map_is_mended) {
   int swept = 0, layers = 0, untouched = 0;
   for (int trial = 0; trial < 40; trial++) {
     g_autoptr(tc_volume) v = random_volume(&state);
-    tc_minmax *m = tc_minmax_build(v, 2 + trial % 3, 0, NULL, NULL);
+    g_autoptr(tc_minmax) m = tc_minmax_build(v, 2 + trial % 3, 0, NULL, NULL);
     g_auto(tc_scene) s;
     test_scene(&s, 8, 8);
     random_knots(&s, &state);
-    tc_distance_map *before = NULL;
+    g_autoptr(tc_distance_map) before = NULL;
     for (int edit = 0; edit < 6; edit++) {
       tc_support *support = edit == 5 ? tc_support_surface(80, 81, NULL) : support_of(v, &s.transfer_function);
       tc_distance_map *leap = tc_distance_map_build(m, support, before, NULL, NULL),
@@ -298,8 +290,6 @@ TEST(map_is_mended) {
       if (k + 1 < s.transfer_function.count) next = s.transfer_function.points[k + 1].value;
       *value += 0.3 * test_random(&state) * (next - *value);
     }
-    tc_distance_map_free(before);
-    tc_minmax_free(m);
   }
   printf("%d of %d layers gone over again, %d maps copied\n", swept, layers, untouched);
   assert_true(swept < 0.9 * layers && swept > 0.05 * layers && untouched > 10);
@@ -434,22 +424,21 @@ static void count_ray(oracle *o, double x, double y) {
 }
 
 static double oracle_of(const tc_volume *v, const tc_scene *s) {
-  tc_support *support = support_of(v, &s->transfer_function);
-  tc_minmax *m = tc_minmax_build(v, FINE, 0, NULL, NULL);
-  tc_distance_map *map = tc_distance_map_build(m, support, NULL, NULL, NULL);
+  g_autoptr(tc_support) support = support_of(v, &s->transfer_function);
+  g_autoptr(tc_minmax) m = tc_minmax_build(v, FINE, 0, NULL, NULL);
+  g_autoptr(tc_distance_map) map = tc_distance_map_build(m, support, NULL, NULL, NULL);
   oracle o = {.volume = v, .scene = s, .map = map};
   tc_rays_set_up(&o.rays, v, s, s->image.width, s->image.height);
   for (int y = 0; y < s->image.height; y++)
     for (int x = 0; x < s->image.width; x++) count_ray(&o, x + 0.5, y + 0.5);
-  tc_distance_map_free(map), tc_minmax_free(m), tc_support_free(support);
   return o.samples;
 }
 
 /* Samples taken over the oracle's, of a picture whose pixels are half a voxel wide. */
 static double beside_oracle(tc_renderer *r, tc_volume *v, const char *name) {
-  tc_scene s;
+  g_auto(tc_scene) s;
   tc_fit fit;
-  tc_frame f = {0};
+  g_auto(tc_frame) f = {0};
   tc_scene_init(&s);
   tc_fit_find(&fit, v);
   tc_scene_dress(&s, v, &fit, false);
@@ -462,8 +451,6 @@ static double beside_oracle(tc_renderer *r, tc_volume *v, const char *name) {
   render(r, v, &s, &f);
   printf("  %s: %.0f samples, %.2f of the oracle's, %.2f of all\n", name, took, took / exact,
          took / (double)f.stats.samples);
-  tc_frame_finish(&f);
-  tc_scene_clear(&s);
   tc_volume_unref(v);
   return took / exact;
 }
@@ -472,11 +459,12 @@ static double beside_oracle(tc_renderer *r, tc_volume *v, const char *name) {
  */
 TEST(samples_are_near_the_oracle) {
   static const char *const demos[] = {"head", "vessels", "bucky", "marschner-lobb"};
-  tc_renderer *r = tc_renderer_new(&(tc_renderer_options){.backend = TC_BACKEND_CPU}, NULL);
+  g_autoptr(tc_renderer) r = tc_renderer_new(&(tc_renderer_options){.backend = TC_BACKEND_CPU}, NULL);
   double worst = 0;
   for (size_t i = 0; i < G_N_ELEMENTS(demos); i++)
     worst = fmax(worst, beside_oracle(r, tc_volume_demo(demos[i], NULL), demos[i]));
-  char *folder = g_build_filename(getenv("TC_LONG") && getenv("TC_DATA") ? getenv("TC_DATA") : "", "nrrd", NULL);
+  g_autofree char *folder =
+      g_build_filename(getenv("TC_LONG") && getenv("TC_DATA") ? getenv("TC_DATA") : "", "nrrd", NULL);
   GDir *dir = g_dir_open(folder, 0, NULL);
   for (const char *name; dir && (name = g_dir_read_name(dir));) {
     g_autofree char *path = g_build_filename(folder, name, NULL);
@@ -484,8 +472,6 @@ TEST(samples_are_near_the_oracle) {
     if (v) beside_oracle(r, v, name);
   }
   if (dir) g_dir_close(dir);
-  g_free(folder);
-  tc_renderer_free(r);
   assert_true(worst > 0.9 && worst <= 1.1);
 }
 

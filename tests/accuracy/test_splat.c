@@ -8,6 +8,9 @@
 #include "tests/support/grid.h"
 #include "tests/support/image.h"
 
+G_DEFINE_AUTOPTR_CLEANUP_FUNC(tc_splats, tc_splats_free)
+G_DEFINE_AUTOPTR_CLEANUP_FUNC(tc_vmd_subject, tc_vmd_subject_free)
+
 enum { SIDE = 96 };
 
 /* An object ready to be drawn: of a volume's values from 0 on. */
@@ -20,11 +23,10 @@ typedef struct object {
 static object object_of(const test_grid *grid, test_field field, const void *context) {
   object o = {.volume = test_volume(grid, field, context)};
   o.model = tc_vmd_of_volume(o.volume, &(tc_vmd_wish){.low = 0, .high = INFINITY}, NULL, NULL);
-  tc_vmd_subject *subject = tc_vmd_subject_new(o.volume, 0, INFINITY);
+  g_autoptr(tc_vmd_subject) subject = tc_vmd_subject_new(o.volume, 0, INFINITY);
   const tc_splat_normals normals = {tc_vmd_normal_at, subject};
   o.splats = tc_splats_build(o.model, normals, false, NULL, NULL);
   o.everything = tc_splats_build(o.model, normals, true, NULL, NULL);
-  tc_vmd_subject_free(subject);
   assert_true(o.splats && o.everything && o.splats->n > 0);
   assert_int_equal(o.everything->n, o.model->voxels);
   return o;
@@ -36,11 +38,15 @@ static void object_free(object *o) {
   tc_vmd_free(o->model);
   tc_volume_unref(o->volume);
 }
+G_DEFINE_AUTO_CLEANUP_CLEAR_FUNC(object, object_free)
 
 typedef struct drawing {
   tc_frame frame;
   tc_splat_counts counts;
 } drawing;
+
+static void drawing_finish(drawing *d) { tc_frame_finish(&d->frame); }
+G_DEFINE_AUTO_CLEANUP_CLEAR_FUNC(drawing, drawing_finish)
 
 typedef struct wish {
   const char *isa;
@@ -54,7 +60,8 @@ static bool draw(const object *o, const tc_scene *scene, wish w, drawing *d, GEr
   const tc_render_request request = {.want_linear = true, .want_depth = true, .resume = w.resume};
   double planes[TC_MAX_CLIP_PLANES][4];
   const int n = tc_splat_planes(o->volume, scene, planes);
-  tc_splats *cut = n && scene->splat.opaque ? tc_splats_cut(o->model, (const double(*)[4])planes, n, NULL, NULL) : NULL;
+  g_autoptr(tc_splats) cut =
+      n && scene->splat.opaque ? tc_splats_cut(o->model, (const double(*)[4])planes, n, NULL, NULL) : NULL;
   assert_true(tc_frame_begin(&d->frame, scene->image.width, scene->image.height, &request, NULL));
   const tc_halt halt = tc_halt_begin(w.interrupt, d->frame.progress->fruitless);
   const int done = d->frame.progress->done;
@@ -75,7 +82,6 @@ static bool draw(const object *o, const tc_scene *scene, wish w, drawing *d, GEr
   if (w.pool) tc_pool_watch(w.pool, NULL);
   d->frame.progress->paused = !drawn;
   d->frame.progress->fruitless = d->frame.progress->done > done ? 0 : d->frame.progress->fruitless + 1;
-  tc_splats_free(cut);
   return drawn;
 }
 
@@ -135,7 +141,7 @@ TEST(culling_changes_no_bit) {
   for (int i = 0; i < 2; i++) assert_true(objects[i].splats->bytes < 6 * (size_t)objects[i].splats->n);
   for (int i = 0; i < 24; i++)
     for (int which = 0; which < 2; which++) {
-      tc_scene scene;
+      g_auto(tc_scene) scene;
       look(&scene, &objects[which], i, zooms[i % 4]);
       scene.splat.kernel_radius = i % 5 == 4 ? 2.5 : 1;
       scene.filter = i % 7 == 6 ? TC_FILTER_CUBIC : TC_FILTER_LINEAR;
@@ -149,34 +155,29 @@ TEST(culling_changes_no_bit) {
       assert_memory_equal(a.frame.depth, b.frame.depth, SIDE * SIDE * sizeof(float));
       assert_memory_equal(a.frame.rgba, b.frame.rgba, SIDE * SIDE * 4);
       culled += a.counts.depths + a.counts.drawn, all += b.counts.depths + b.counts.drawn;
-      tc_scene_clear(&scene);
     }
   print_message("splats put down: %llu culled, %llu all\n", (unsigned long long)culled, (unsigned long long)all);
   assert_true(culled * 4 < all);
-  tc_frame_finish(&a.frame);
-  tc_frame_finish(&b.frame);
+  drawing_finish(&a);
+  drawing_finish(&b);
   tc_pool_free(pool);
   for (int i = 0; i < 2; i++) object_free(&objects[i]);
 }
 
 TEST(scalar_and_vector_agree) {
-  object o = object_of(&flat_grid, blob, rough);
-  drawing a = {0}, b = {0};
+  g_auto(object) o = object_of(&flat_grid, blob, rough);
+  g_auto(drawing) a = {0}, b = {0};
   size_t different = 0;
   for (int i = 0; i < 12; i++) {
-    tc_scene scene;
+    g_auto(tc_scene) scene;
     look(&scene, &o, i, 1.5);
     tc_scene_light(&scene, true);
     draw_now(&o, &scene, (wish){.isa = "scalar"}, &a);
     draw_now(&o, &scene, (wish){0}, &b);
     for (int p = 0; p < SIDE * SIDE * 4; p++) different += abs(a.frame.rgba[p] - b.frame.rgba[p]) > 1;
-    tc_scene_clear(&scene);
   }
   print_message("values more than 1/255 apart: %zu of %d\n", different, 12 * SIDE * SIDE * 4);
   assert_true(different < 12 * SIDE * SIDE * 4 / 1000); /* a rim falls on the other side of a pixel's centre */
-  tc_frame_finish(&a.frame);
-  tc_frame_finish(&b.frame);
-  object_free(&o);
 }
 
 /* ---- flatness ---- */
@@ -209,7 +210,7 @@ TEST(constant_solids_are_constant) {
   for (int i = 0; i < 24; i++)
     for (int z = 0; z < 8; z++) {
       const object *o = &objects[(i + z) % 2];
-      tc_scene scene;
+      g_auto(tc_scene) scene;
       look(&scene, o, i, zooms[z]);
       scene.splat.kernel_radius = radii[(i + z) % 4];
       draw_now(o, &scene, (wish){0}, &d);
@@ -220,11 +221,10 @@ TEST(constant_solids_are_constant) {
           worst = fmax(worst, fabs((double)d.frame.linear[4 * p + c] - scene.isosurface.color[c]));
         worst = fmax(worst, fabs((double)d.frame.linear[4 * p + 3] - 1));
       }
-      tc_scene_clear(&scene);
     }
   print_message("flatness: at most %.4f from constant in %zu pixels\n", worst, looked_at);
   assert_true(worst < 0.01 && looked_at > 50000);
-  tc_frame_finish(&d.frame);
+  drawing_finish(&d);
   for (int i = 0; i < 2; i++) object_free(&objects[i]);
 }
 
@@ -232,13 +232,13 @@ TEST(constant_solids_are_constant) {
 
 /* Against the isosurface of the same ball: outline, depth and light. */
 TEST(splats_are_where_the_surface_is) {
-  object o = object_of(&flat_grid, blob, ball);
-  tc_renderer *renderer = tc_renderer_new(&(tc_renderer_options){.backend = TC_BACKEND_CPU}, NULL);
-  drawing d = {0};
-  tc_frame truth = {0};
+  g_auto(object) o = object_of(&flat_grid, blob, ball);
+  g_autoptr(tc_renderer) renderer = tc_renderer_new(&(tc_renderer_options){.backend = TC_BACKEND_CPU}, NULL);
+  g_auto(drawing) d = {0};
+  g_auto(tc_frame) truth = {0};
   const tc_render_request request = {.want_linear = true, .want_depth = true};
   for (int i = 0; i < 12; i++) {
-    tc_scene scene;
+    g_auto(tc_scene) scene;
     look(&scene, &o, i, 1);
     tc_scene_light(&scene, true);
     draw_now(&o, &scene, (wish){0}, &d);
@@ -259,24 +259,19 @@ TEST(splats_are_where_the_surface_is) {
                   sqrt(light / both), depth / both, deepest, 100.0 * one / both);
     assert_true(sqrt(light / both) < 0.06 && fabs(depth / both) < 0.9 &&
                 one < 0.2 * both); /* a voxel of 15 and a pixel of 25 wider */
-    tc_scene_clear(&scene);
   }
-  tc_frame_finish(&d.frame);
-  tc_frame_finish(&truth);
-  tc_renderer_free(renderer);
-  object_free(&o);
 }
 
 /* Voxels of many pixels show no steps: the light is near the isosurface's. */
 TEST(large_voxels_are_lit_smoothly) {
-  object o = object_of(&cube, blob, ball);
-  tc_renderer *renderer = tc_renderer_new(&(tc_renderer_options){.backend = TC_BACKEND_CPU}, NULL);
-  drawing d = {0};
-  tc_frame truth = {0};
+  g_auto(object) o = object_of(&cube, blob, ball);
+  g_autoptr(tc_renderer) renderer = tc_renderer_new(&(tc_renderer_options){.backend = TC_BACKEND_CPU}, NULL);
+  g_auto(drawing) d = {0};
+  g_auto(tc_frame) truth = {0};
   double sum = 0;
   int n = 0;
   for (int i = 6; i < 12; i++) {
-    tc_scene scene;
+    g_auto(tc_scene) scene;
     look(&scene, &o, i, 5);
     tc_scene_light(&scene, true);
     draw_now(&o, &scene, (wish){0}, &d);
@@ -284,14 +279,9 @@ TEST(large_voxels_are_lit_smoothly) {
     scene.isosurface.value = 0;
     assert_true(tc_render(renderer, o.volume, &scene, &(tc_render_request){.want_linear = true}, &truth, NULL));
     for (int p = 0; p < SIDE * SIDE; p++, n++) sum += pow((double)(d.frame.linear[4 * p] - truth.linear[4 * p]), 2);
-    tc_scene_clear(&scene);
   }
   print_message("light rms %.4f\n", sqrt(sum / n));
   assert_true(sqrt(sum / n) < 0.008);
-  tc_frame_finish(&d.frame);
-  tc_frame_finish(&truth);
-  tc_renderer_free(renderer);
-  object_free(&o);
 }
 
 /* Tubes of context[0] voxels' radius along no axis, of which voxels touch by corners and edges alone; 40 voxels a side. */
@@ -313,12 +303,12 @@ static double tubes(double x, double y, double z, const void *context) {
  * isosurface's outline. */
 static void expect_outlines(test_field of, const void *context, double most) {
   enum { LARGE_SIDE = 300 };
-  object o = object_of(&cube, of, context);
-  tc_renderer *renderer = tc_renderer_new(&(tc_renderer_options){.backend = TC_BACKEND_CPU}, NULL);
-  drawing d = {0};
-  tc_frame truth = {0};
+  g_auto(object) o = object_of(&cube, of, context);
+  g_autoptr(tc_renderer) renderer = tc_renderer_new(&(tc_renderer_options){.backend = TC_BACKEND_CPU}, NULL);
+  g_auto(drawing) d = {0};
+  g_auto(tc_frame) truth = {0};
   for (int i = 6; i < 9; i++) {
-    tc_scene scene;
+    g_auto(tc_scene) scene;
     int rim = 0, apart = 0;
     look(&scene, &o, i, 2);
     scene.image.width = scene.image.height = LARGE_SIDE;
@@ -333,12 +323,7 @@ static void expect_outlines(test_field of, const void *context, double most) {
     }
     print_message("view %d: outlines %.2f pixels apart\n", i, (double)apart / rim);
     assert_true(apart < most * rim);
-    tc_scene_clear(&scene);
   }
-  tc_frame_finish(&d.frame);
-  tc_frame_finish(&truth);
-  tc_renderer_free(renderer);
-  object_free(&o);
 }
 
 TEST(large_voxels_end_where_the_surface_does) {
@@ -349,10 +334,10 @@ TEST(large_voxels_end_where_the_surface_does) {
 
 /* What is picked is what is drawn: as far away, whatever kernels' shapes are. */
 TEST(picks_are_as_deep_as_the_picture) {
-  object o = object_of(&flat_grid, blob, ball);
-  drawing d = {0};
+  g_auto(object) o = object_of(&flat_grid, blob, ball);
+  g_auto(drawing) d = {0};
   for (int i = 6; i < 12; i++) {
-    tc_scene scene;
+    g_auto(tc_scene) scene;
     double apart = 0;
     int both = 0, one = 0;
     look(&scene, &o, i, (double[]){2.5, 6, 0.7}[i / 2 - 3]);
@@ -368,19 +353,16 @@ TEST(picks_are_as_deep_as_the_picture) {
       }
     print_message("view %d: %d picks %.3f mm from what is drawn; %d of one only\n", i, both, apart / both, one);
     assert_true(both > 10 && apart < (i < 10 ? 0.1 : 1) * both && one <= 2);
-    tc_scene_clear(&scene);
   }
-  tc_frame_finish(&d.frame);
-  object_free(&o);
 }
 
 /* Faces of the volume that cut an object are lit as what they are, whatever its values are within. */
 TEST(faces_of_the_volume_are_lit) {
   static const double large[2] = {40, 3};
-  object o = object_of(&cube, blob, large);
-  drawing d = {0};
+  g_auto(object) o = object_of(&cube, blob, large);
+  g_auto(drawing) d = {0};
   for (int i = 0; i < 6; i++) {
-    tc_scene scene;
+    g_auto(tc_scene) scene;
     double darkest = 1;
     look(&scene, &o, i, 1.2);
     tc_scene_light(&scene, true);
@@ -390,25 +372,20 @@ TEST(faces_of_the_volume_are_lit) {
         darkest = fmin(darkest, (double)d.frame.linear[4 * (y * SIDE + x)] / scene.isosurface.color[0]);
     print_message("face %d: at least %.2f of the colour\n", i, darkest);
     assert_true(darkest > 0.9);
-    tc_scene_clear(&scene);
   }
-  tc_frame_finish(&d.frame);
-  object_free(&o);
 }
 
 static double negative(double x, double y, double z, const void *context) { return -5 - 0.01 * (x + y + z); }
 
 /* An object of all values, all below 0, ends with the grid alone, and nothing beyond that is read. */
 TEST(a_range_of_all_values_ends_with_the_grid) {
-  tc_volume *volume = test_volume(&(test_grid){.dims = {6, 5, 4}, .type = TC_F32}, negative, NULL);
-  tc_vmd_subject *subject = tc_vmd_subject_new(volume, -INFINITY, INFINITY);
+  g_autoptr(tc_volume) volume = test_volume(&(test_grid){.dims = {6, 5, 4}, .type = TC_F32}, negative, NULL);
+  g_autoptr(tc_vmd_subject) subject = tc_vmd_subject_new(volume, -INFINITY, INFINITY);
   for (int corner = 0; corner < 8; corner++) {
     double n[3];
     tc_vmd_normal_at(subject, corner & 1 ? 5 : 0, corner & 2 ? 4 : 0, corner & 4 ? 3 : 0, n);
     for (int k = 0; k < 3; k++) assert_true(corner >> k & 1 ? n[k] > 0 : n[k] < 0);
   }
-  tc_vmd_subject_free(subject);
-  tc_volume_unref(volume);
 }
 
 /* blob, its middle elsewhere. */
@@ -419,23 +396,20 @@ static double blob_at(double x, double y, double z, const void *context) {
 
 /* The same object in ever larger grids costs the same splats. */
 TEST(cost_follows_the_voxels_seen) {
-  drawing d = {0};
-  tc_scene scene;
+  g_auto(drawing) d = {0};
+  g_auto(tc_scene) scene;
   uint64_t put[4];
   for (int i = 0; i < 4; i++) {
     const double away = 16 * i; /* whole bricks */
     const int side = 40 + 32 * i;
     const test_grid grid = {.dims = {side, side, side}, .type = TC_F32, .origin = {-away, -away, -away}};
-    object o = object_of(&grid, blob_at, &away);
+    g_auto(object) o = object_of(&grid, blob_at, &away);
     if (!i) look(&scene, &o, 7, 1);
     draw_now(&o, &scene, (wish){0}, &d);
     put[i] = d.counts.depths + d.counts.drawn;
     print_message("grid of %d: %llu splats put down\n", side, (unsigned long long)put[i]);
     assert_int_equal(put[i], put[0]);
-    object_free(&o);
   }
-  tc_scene_clear(&scene);
-  tc_frame_finish(&d.frame);
 }
 
 /* A bowl of 2.4 voxels: its rim is seen from both sides. */
@@ -456,13 +430,13 @@ static double brightest(const float *linear, int x, int y, int reach) {
 /* What faces away at a rim is not lit as if it faced the eye: few pixels are brighter than all of the isosurface near.
  */
 TEST(rims_do_not_shine) {
-  object o = object_of(&cube, bowl, NULL);
-  tc_renderer *renderer = tc_renderer_new(&(tc_renderer_options){.backend = TC_BACKEND_CPU}, NULL);
-  drawing d = {0};
-  tc_frame truth = {0};
+  g_auto(object) o = object_of(&cube, bowl, NULL);
+  g_autoptr(tc_renderer) renderer = tc_renderer_new(&(tc_renderer_options){.backend = TC_BACKEND_CPU}, NULL);
+  g_auto(drawing) d = {0};
+  g_auto(tc_frame) truth = {0};
   int shining = 0, shown = 0;
   for (int i = 6; i < 18; i++) {
-    tc_scene scene;
+    g_auto(tc_scene) scene;
     look(&scene, &o, i, 1);
     tc_scene_light(&scene, true);
     draw_now(&o, &scene, (wish){0}, &d);
@@ -473,20 +447,15 @@ TEST(rims_do_not_shine) {
       shown += d.frame.linear[4 * p + 3] > 0.5f;
       shining += (double)d.frame.linear[4 * p] > brightest(truth.linear, p % SIDE, p / SIDE, 3) + 0.15;
     }
-    tc_scene_clear(&scene);
   }
   print_message("%d of %d pixels shine\n", shining, shown);
   assert_true(shining * 200 < shown);
-  tc_frame_finish(&d.frame);
-  tc_frame_finish(&truth);
-  tc_renderer_free(renderer);
-  object_free(&o);
 }
 
 /* A ball cut through the middle shows a flat solid face, on the plane. */
 TEST(a_cut_shows_a_solid_face) {
-  object o = object_of(&cube, blob, ball);
-  drawing d = {0};
+  g_auto(object) o = object_of(&cube, blob, ball);
+  g_auto(drawing) d = {0};
   tc_scene scene;
   for (int i = 0; i < 2; i++) {
     look(&scene, &o, 6 + i, 1); /* from no axis */
@@ -503,8 +472,6 @@ TEST(a_cut_shows_a_solid_face) {
       }
     tc_scene_clear(&scene);
   }
-  tc_frame_finish(&d.frame);
-  object_free(&o);
 }
 
 /* ---- translucent ---- */
@@ -588,7 +555,7 @@ TEST(translucent_splats_show_the_blurred_field) {
   for (int i = 0; i < 12; i++) {
     const object *o = &objects[i < 10 ? i / 2 % 2 : 2]; /* the last two lit */
     const float extinction = i % 3 == 2 ? 0.5f : 0.06f;
-    tc_scene scene;
+    g_auto(tc_scene) scene;
     look(&scene, o, i + 4, 1);
     scene.splat.opaque = false;
     scene.splat.kernel_radius = i % 2 ? 1 : 1.5;
@@ -606,9 +573,8 @@ TEST(translucent_splats_show_the_blurred_field) {
     print_message("view %d: rms %.4f, at most %.4f\n", i, sqrt(sum / n), worst);
     /* Sheets overlap in depth by the kernel's width, which counts where most is hidden within it. */
     assert_true(sqrt(sum / n) < 0.01 && worst < (extinction > 0.1f ? 0.15 : 0.04));
-    tc_scene_clear(&scene);
   }
-  tc_frame_finish(&d.frame);
+  drawing_finish(&d);
   for (int i = 0; i < 3; i++) object_free(&objects[i]);
 }
 
@@ -653,7 +619,7 @@ TEST(constant_clouds_are_constant) {
   int seen = 0;
   for (int i = 0; i < 24; i++) {
     const object *o = &objects[i / 2 % 2];
-    tc_scene scene;
+    g_auto(tc_scene) scene;
     look(&scene, o, i, zooms[i % 4]);
     scene.splat.opaque = false;
     scene.splat.kernel_radius = i % 3 ? 1 : 1.5;
@@ -665,21 +631,20 @@ TEST(constant_clouds_are_constant) {
       seen++;
       worst = fmax(worst, fabs((double)d.frame.linear[4 * p + 3] - (1 - exp(-(double)extinction * way))));
     }
-    tc_scene_clear(&scene);
   }
   print_message("clouds: at most %.4f from constant in %d pixels\n", worst, seen);
   assert_true(worst < 0.01 && seen > 2000);
-  tc_frame_finish(&d.frame);
+  drawing_finish(&d);
   for (int i = 0; i < 2; i++) object_free(&objects[i]);
 }
 
 /* ---- interruption ---- */
 
 TEST(paused_pictures_end_the_same) {
-  object o = object_of(&cube, blob, rough);
-  tc_pool *pool = tc_pool_new(2, NULL);
-  drawing whole = {0}, parts = {0};
-  tc_scene scene;
+  g_auto(object) o = object_of(&cube, blob, rough);
+  g_autoptr(tc_pool) pool = tc_pool_new(2, NULL);
+  g_auto(drawing) whole = {0}, parts = {0};
+  g_auto(tc_scene) scene;
   look(&scene, &o, 7, 2);
   scene.image.width = scene.image.height = 300;
   scene.splat.kernel_radius = 16;
@@ -700,21 +665,17 @@ TEST(paused_pictures_end_the_same) {
                 (double)atomic_load(&tc_halt_probed.longest_us) / 1000);
   assert_true(pauses > 0 && atomic_load(&tc_halt_probed.longest_us) < 20000);
   assert_memory_equal(whole.frame.rgba, parts.frame.rgba, 300 * 300 * 4);
-  tc_frame_finish(&whole.frame);
-  tc_frame_finish(&parts.frame);
-  tc_scene_clear(&scene);
-  tc_pool_free(pool);
-  object_free(&o);
 }
 
 /* As a whole: what is read is built, and the picture drawn, in as many pieces as a caller likes. */
 TEST(frames_are_made_in_pieces) {
   const test_grid large = {.dims = {160, 160, 160}, .type = TC_U8};
   const unsigned seed = 7;
-  tc_volume *volume = test_volume(&large, test_noise, &seed); /* values 0 and 1, each half of the voxels */
-  tc_renderer *renderer = tc_renderer_new(&(tc_renderer_options){.backend = TC_BACKEND_CPU, .threads = 2}, NULL);
-  tc_frame whole = {0}, parts = {0};
-  tc_scene scene;
+  g_autoptr(tc_volume) volume = test_volume(&large, test_noise, &seed); /* values 0 and 1, each half of the voxels */
+  g_autoptr(tc_renderer) renderer =
+      tc_renderer_new(&(tc_renderer_options){.backend = TC_BACKEND_CPU, .threads = 2}, NULL);
+  g_auto(tc_frame) whole = {0}, parts = {0};
+  g_auto(tc_scene) scene;
   test_scene(&scene, 200, 150);
   test_scene_frame(&scene, volume, TC_PERSPECTIVE, (double[]){1, 0.4, 0.3});
   scene.mode = TC_MODE_SPLAT;
@@ -744,11 +705,6 @@ TEST(frames_are_made_in_pieces) {
   assert_false(tc_render(renderer, volume, &scene, &request, &parts, &error));
   assert_true(g_error_matches(error, TC_ERROR, TC_ERROR_CANCELLED));
   g_clear_error(&error);
-  tc_frame_finish(&whole);
-  tc_frame_finish(&parts);
-  tc_scene_clear(&scene);
-  tc_renderer_free(renderer);
-  tc_volume_unref(volume);
 }
 
 TESTS(NULL, NULL)

@@ -6,6 +6,7 @@
 
 #include "protocol/protocol.h"
 #include "renderer/tomocast.h"
+#include "tests/support/scoped.h"
 
 /* Stages that are in, in the plan's order; resolve and encode are always and not named. */
 static const struct { const char *scene, *in;
@@ -85,17 +86,15 @@ static int tear_down(void **state) {
 
 static void draw(bench *b, const char *patch, tc_explanation *plan) {
   GError *error = NULL;
-  tc_scene scene;
+  g_auto(tc_scene) scene;
   tc_scene_copy(&scene, &b->start);
-  cJSON *document = cJSON_Parse(patch);
+  g_autoptr(cJSON) document = cJSON_Parse(patch);
   const tc_volume_stats *range = tc_volume_statistics(b->volume);
   tcp_scene_context context = {.value_min = range->min, .value_max = range->max};
   if (!document) fail_msg("no JSON: %s", patch);
   if (!tcp_scene_patch(&scene, document, &b->start, &context, &error)) fail_msg("%s: %s", patch, error->message);
   if (!tc_render(b->renderer, b->volume, &scene, &(tc_render_request){.explanation = plan}, &b->frame, &error))
     fail_msg("%s: %s", patch, error->message);
-  cJSON_Delete(document);
-  tc_scene_clear(&scene);
 }
 
 static void list(const tc_explanation *plan, char *text, size_t size) {

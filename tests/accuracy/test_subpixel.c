@@ -120,7 +120,7 @@ TEST(against_the_same_rays) {
       scene.sampling.rays_per_pixel = counts[c];
       scene.sampling.step = 0.25 / counts[c];
       tc_subpixel_rays(counts[c], rays);
-      float *want = reference_mean(volume, &scene, rays, counts[c]);
+      g_autofree float *want = reference_mean(volume, &scene, rays, counts[c]);
       for (int jitter = 0; jitter < 2; jitter++)
         EACH_RENDERER(m) {
           scene.sampling.jitter = jitter;
@@ -132,14 +132,13 @@ TEST(against_the_same_rays) {
           if (!d.finite || !(d.rms <= 1.1e-4) || !(d.max <= 2.5e-3) || !(fabs(d.mean) <= 3e-5))
             fail_msg("%s: rms %g, max %g, mean %g", line, d.rms, d.max, d.mean);
         }
-      free(want);
     }
   }
 }
 
 /* One ray's samples, shared by more: the edges inside a pixel are seen for about the same number of samples. */
 TEST(smooth_edges_cost_nothing) {
-  tc_volume *volume =
+  g_autoptr(tc_volume) volume =
       test_volume(&(test_grid){.dims = {33, 33, 33}, .type = TC_F32}, test_radius2, (double[3]){16, 16, 16});
   tc_knot knots[] = {{.value = 121, .color = {1, 0.6, 0.1}, .amount = 1},
                      {.value = 121, .color = {1, 0.6, 0.1}, .amount = 0}};
@@ -151,7 +150,7 @@ TEST(smooth_edges_cost_nothing) {
   scene.sampling.step = 0.125;
   scene.skipping.mode = TC_SKIPPING_OFF;
   tc_subpixel_rays(64, fine);
-  float *want = reference_mean(volume, &scene, fine, 64);
+  g_autofree float *want = reference_mean(volume, &scene, fine, 64);
   double one = 0, samples = 0;
   for (size_t c = 0; c < G_N_ELEMENTS(counts); c++) {
     scene.sampling.rays_per_pixel = counts[c];
@@ -164,8 +163,6 @@ TEST(smooth_edges_cost_nothing) {
     assert_true((double)f->stats.samples < samples * (1 + 0.02 * counts[c]));
     if (counts[c] > 1) assert_true(d.rms < one / sqrt(counts[c]));
   }
-  free(want);
-  tc_volume_unref(volume);
 }
 
 TEST(projections_average_whole_rays) {
@@ -182,14 +179,13 @@ TEST(projections_average_whole_rays) {
       scene.sampling.rays_per_pixel = count;
       scene.sampling.step = 0.1;
       tc_subpixel_rays(count, rays);
-      float *want = reference_mean(volume, &scene, rays, count);
+      g_autofree float *want = reference_mean(volume, &scene, rays, count);
       EACH_RENDERER(m) {
         test_difference d = test_compare(render(m, volume, &scene)->linear, want, pixels_of(&scene));
         if (!(d.max <= 6e-4))
           fail_msg("%s, mode %d, %d rays: max %g at %zu", test_names[m], modes[i], count, d.max, d.worst);
         if (m == 0) printf("  mode %d, %d rays: max %.1e\n", modes[i], count, d.max);
       }
-      free(want);
     }
 }
 
@@ -257,13 +253,12 @@ TEST(no_rings_by_default) {
     g_auto(tc_scene) scene;
     g_autoptr(tc_volume) volume = show_demo(demos[i].name, 128, &scene);
     double rings[2], mean[2];
-    float *want = reference_mean(volume, &scene, &(tc_subpixel){0}, 1);
+    g_autofree float *want = reference_mean(volume, &scene, &(tc_subpixel){0}, 1);
     rings_at(1, volume, &scene, want, rings, mean);
     printf("  %-15s rings %.3f/255, with jitter %.3f/255; mean error %.3f/255 and %.3f/255\n", demos[i].name,
            255 * rings[0], 255 * rings[1], 255 * mean[0], 255 * mean[1]);
     assert_true(rings[0] < demos[i].bound / 255 && rings[1] < demos[i].bound / 255);
     assert_true(fabs(mean[0] - mean[1]) < 0.02 / 255);
-    free(want);
   }
 }
 
@@ -274,22 +269,19 @@ TEST(no_rings_on_lit_surfaces) {
   static const struct { const char *name; double bounds[TC_GRADIENT_COUNT]; } demos[] = {
       {"bucky", {0.3, 0.05, 0.05}}, {"marschner-lobb", {5.4, 4.1, 3.8}}, {"head", {1.2, 0.35, 0.31}}};
   for (size_t i = 0; i < G_N_ELEMENTS(demos) && i < MOST_DEMOS; i++) {
-    tc_scene scene;
-    tc_volume *volume = show_demo(demos[i].name, 80, &scene);
+    g_auto(tc_scene) scene;
+    g_autoptr(tc_volume) volume = show_demo(demos[i].name, 80, &scene);
     double rings[2], mean[2];
     scene.shading.model = TC_SHADING_BLINN_PHONG;
     for (int gradient = 0; gradient < TC_GRADIENT_COUNT; gradient++) {
       if (gradient == TC_GRADIENT_CUBIC && i > 0 && !getenv("TC_LONG")) continue;
       scene.shading.gradient = (tc_gradient)gradient;
-      float *want = reference_mean(volume, &scene, &(tc_subpixel){0}, 1);
+      g_autofree float *want = reference_mean(volume, &scene, &(tc_subpixel){0}, 1);
       rings_at(1, volume, &scene, want, rings, mean);
       printf("  %-15s %-8s rings %.3f/255, with jitter %.3f/255; mean error %.3f/255\n", demos[i].name,
              tc_gradient_names[gradient], 255 * rings[0], 255 * rings[1], 255 * mean[0]);
       assert_true(rings[0] < demos[i].bounds[gradient] / 255 && rings[1] < demos[i].bounds[gradient] / 255);
-      free(want);
     }
-    tc_scene_clear(&scene);
-    tc_volume_unref(volume);
   }
 }
 
@@ -298,7 +290,7 @@ TEST(no_rings_on_lit_surfaces) {
  * apart, in empty space. */
 TEST(jitter_takes_rings_away) {
   enum { PHASES = 16, SIDE = 128 };
-  tc_volume *volume =
+  g_autoptr(tc_volume) volume =
       test_volume(&(test_grid){.dims = {65, 65, 65}, .type = TC_F32}, test_radius2, (double[3]){32, 32, 32});
   tc_knot knots[] = {{400, {1, 0.6, 0.1}, 0}, {425, {1, 0.9, 0.3}, 0.1}, {450, {0.2, 0.3, 1}, 0}};
   g_auto(tc_scene) scene;
@@ -307,7 +299,7 @@ TEST(jitter_takes_rings_away) {
   test_scene_look(&scene, TC_ORTHOGRAPHIC, (double[3]){32, -50, 32}, (double[3]){32, 32, 32}, 44);
   scene.clip.n_planes = 1;
   scene.clip.planes[0][1] = 1;
-  float *mean = calloc(pixels_of(&scene), 4 * sizeof *mean);
+  g_autofree float *mean = calloc(pixels_of(&scene), 4 * sizeof *mean);
   for (scene.sampling.step = 2; scene.sampling.step <= 4; scene.sampling.step *= 2) {
     double rings[2];
     memset(mean, 0, 16 * pixels_of(&scene));
@@ -326,8 +318,6 @@ TEST(jitter_takes_rings_away) {
     /* nine pixels hold nine phases: of the longer steps' larger differences they leave more */
     assert_true(rings[0] > 0.1 / 255 && rings[1] < (scene.sampling.step > 2 ? 0.8 : 0.4) * rings[0]);
   }
-  free(mean);
-  tc_volume_unref(volume);
 }
 
 /* ---- coherence ---- */
@@ -378,7 +368,7 @@ static void random_specks(tc_scene *scene, uint64_t *state, int trial, tc_volume
 /* Bit for bit, with leaping and coherence, with leaping alone, and with neither. */
 static void check_trial(int m, int trial, tc_volume *volume, tc_scene *scene, saving *sum) {
   tc_explanation plan;
-  tc_frame shared = {0}, alone = {0};
+  g_auto(tc_frame) shared = {0}, alone = {0};
   scene->sampling.coherence = true;
   draw(test_renderers[m], volume, scene, &shared, &plan);
   sum->shared += plan.stages[TC_STAGE_COHERENCE].included;
@@ -397,8 +387,6 @@ static void check_trial(int m, int trial, tc_volume *volume, tc_scene *scene, sa
     sum->leaps_with += shared.stats.leaps, sum->leaps_without += alone.stats.leaps;
   }
   scene->skipping.mode = TC_SKIPPING_AUTO;
-  tc_frame_finish(&shared);
-  tc_frame_finish(&alone);
 }
 
 TEST(coherence_loses_nothing) {
@@ -495,7 +483,7 @@ TEST(threads_make_no_difference) {
                            tc_renderer_new(&(tc_renderer_options){.backend = TC_BACKEND_CPU, .threads = 7}, NULL)};
   for (int bits = 0; bits < 16; bits++) {
     g_auto(tc_scene) scene;
-    tc_frame first = {0}, again = {0};
+    g_auto(tc_frame) first = {0}, again = {0};
     test_scene(&scene, 101, 77);
     test_scene_knots(&scene, TC_KNOT_EXTINCTION, test_soft, G_N_ELEMENTS(test_soft));
     test_scene_frame(&scene, volume, TC_PERSPECTIVE, (double[3]){0.8, -1.5, 0.6});
@@ -511,8 +499,6 @@ TEST(threads_make_no_difference) {
       assert_memory_equal(first.rgba, again.rgba, 4 * pixels_of(&scene));
       assert_memory_equal(first.linear, again.linear, 16 * pixels_of(&scene));
     }
-    tc_frame_finish(&first);
-    tc_frame_finish(&again);
   }
   tc_renderer_free(others[0]);
   tc_renderer_free(others[1]);
