@@ -151,6 +151,8 @@ void tc_meter_truth(const tc_reference *reference, const tc_scene *scene, int x,
 
 /* ---- the truth ---- */
 
+G_DEFINE_AUTO_CLEANUP_CLEAR_FUNC(tc_scene, tc_scene_clear)
+
 /* Without a list a mesh is every label's that shows: that list, into *scene. */
 static void list_labels(const tc_volume *labels, const tc_label_boxes *boxes, tc_scene *scene) {
   const tc_volume_desc *d = tc_volume_describe(labels);
@@ -172,17 +174,23 @@ static tc_mesh *mesh_of(tc_volume *labels, const tc_label_boxes *boxes, tc_mesh 
   return given && given->normals ? tc_mesh_ref(given) : tc_mesh_with_normals(given, &options, error);
 }
 
-static bool make_meshes(tc_volume *labels, const tc_label_boxes *boxes, tc_mesh *const *given, const tc_scene *scene,
-                        tc_mesh **made, tc_reference_mesh *meshes, const atomic_bool *cancel, GError **error) {
+/* The meshes of the surfaces that are of labels and meshes, and what the reference reads of them; both [n_surfaces]. */
+typedef struct truth_meshes {
+  tc_mesh **made;
+  tc_reference_mesh *views;
+} truth_meshes;
+
+static bool make_meshes(const tc_meter_subject *of, const tc_label_boxes *boxes, const truth_meshes *to,
+                        GError **error) {
   uint64_t left = MOST_BYTES;
-  for (size_t i = 0; i < scene->mesh.n_surfaces; i++) {
-    const tc_mesh_surface *s = &scene->mesh.surfaces[i];
+  for (size_t i = 0; i < of->scene->mesh.n_surfaces; i++) {
+    const tc_mesh_surface *s = &of->scene->mesh.surfaces[i];
     if (s->source == TC_SURFACE_OF_VALUE || s->source == TC_SURFACE_OF_PLANE || !s->visible) continue;
-    if (cancel && atomic_load(cancel)) {
+    if (of->cancel && atomic_load(of->cancel)) {
       tc_set_error(error, TC_ERROR_CANCELLED, NULL, "cancelled");
       return false;
     }
-    const tc_mesh *m = made[i] = mesh_of(labels, boxes, given ? given[i] : NULL, s, left, error);
+    const tc_mesh *m = to->made[i] = mesh_of(of->labels, boxes, of->meshes ? of->meshes[i] : NULL, s, left, error);
     if (!m) return false;
     const uint64_t bytes = m->bytes;
     if (bytes >= left) {
@@ -191,39 +199,53 @@ static bool make_meshes(tc_volume *labels, const tc_label_boxes *boxes, tc_mesh 
       return false;
     }
     left -= bytes;
-    meshes[i] = (tc_reference_mesh){{m->origin[0], m->origin[1], m->origin[2]}, m->n_vertices, m->n_triangles,
-                                    (const float(*)[3])m->positions, (const float(*)[3])m->normals,
-                                    (const uint32_t(*)[3])m->triangles, m->colors};
+    to->views[i] = (tc_reference_mesh){{m->origin[0], m->origin[1], m->origin[2]},
+                                       m->n_vertices,
+                                       m->n_triangles,
+                                       (const float(*)[3])m->positions,
+                                       (const float(*)[3])m->normals,
+                                       (const uint32_t(*)[3])m->triangles,
+                                       m->colors};
   }
   return true;
 }
 
-tc_reference *tc_meter_reference(tc_volume *volume, tc_volume *labels, tc_mesh *const *given, const tc_scene *of, int width,
-                                 int height, const atomic_bool *cancel, GError **error) {
-  const char *missing = tc_reference_missing(of);
-  if (!missing || strcmp(missing, "/mesh/surfaces"))
-    return tc_reference_new_stoppable(volume, labels, of, width, height, TOLERANCE, cancel, error);
-  tc_scene scene;
-  tc_scene_copy(&scene, of);
-  const bool listed = scene.mesh.n_surfaces > 0;
-  bool of_labels = !listed;
-  for (size_t i = 0; i < scene.mesh.n_surfaces; i++) of_labels |= scene.mesh.surfaces[i].source == TC_SURFACE_OF_LABEL;
-  of_labels &= labels != NULL;
-  /* Once for all labels: each of them would be looked for in the whole volume. */
-  tc_label_boxes *boxes = of_labels ? tc_label_boxes_find(labels, NULL, error) : NULL;
-  bool good = !of_labels || boxes;
-  if (boxes && !listed) list_labels(labels, boxes, &scene);
+/* The label boxes of the surfaces that need them, found once: each surface would search the whole volume. *boxes stays
+ * NULL where none needs them. Without a list of surfaces the scene gets one. */
+static bool find_boxes(tc_volume *labels, tc_scene *scene, tc_label_boxes **boxes, GError **error) {
+  const bool listed = scene->mesh.n_surfaces > 0;
+  bool wanted = !listed;
+  for (size_t i = 0; i < scene->mesh.n_surfaces; i++) wanted |= scene->mesh.surfaces[i].source == TC_SURFACE_OF_LABEL;
+  if (!wanted || !labels) return true;
+  *boxes = tc_label_boxes_find(labels, NULL, error);
+  if (*boxes && !listed) list_labels(labels, *boxes, scene);
+  return *boxes != NULL;
+}
+
+tc_reference *tc_meter_reference(const tc_meter_subject *of, int width, int height, GError **error) {
+  g_auto(tc_scene) scene;
+  tc_scene_copy(&scene, of->scene);
+  tc_reference_request request = {.volume = of->volume,
+                                  .labels = of->labels,
+                                  .scene = &scene,
+                                  .width = width,
+                                  .height = height,
+                                  .tolerance = TOLERANCE,
+                                  .cancel = of->cancel};
+  const char *missing = tc_reference_missing(&scene);
+  if (!missing || strcmp(missing, "/mesh/surfaces")) return tc_reference_make(&request, error);
+  tc_meter_subject own = *of;
+  own.scene = &scene;
+  if (!scene.mesh.n_surfaces) own.meshes = NULL;
+  g_autofree tc_label_boxes *boxes = NULL;
+  if (!find_boxes(of->labels, &scene, &boxes, error)) return NULL;
   const size_t n = scene.mesh.n_surfaces;
-  tc_mesh **made = g_new0(tc_mesh *, n + 1);
-  tc_reference_mesh *meshes = g_new0(tc_reference_mesh, n + 1);
-  good = good && make_meshes(labels, boxes, listed ? given : NULL, &scene, made, meshes, cancel, error);
-  tc_reference *r = NULL;
-  if (good) r = tc_reference_new_meshed(volume, labels, meshes, &scene, width, height, TOLERANCE, cancel, error);
+  g_autofree tc_mesh **made = g_new0(tc_mesh *, n + 1);
+  g_autofree tc_reference_mesh *views = g_new0(tc_reference_mesh, n + 1);
+  request.meshes = views;
+  tc_reference *r =
+      make_meshes(&own, boxes, &(truth_meshes){made, views}, error) ? tc_reference_make(&request, error) : NULL;
   for (size_t i = 0; i < n; i++) tc_mesh_free(made[i]);
-  g_free(boxes);
-  g_free(made);
-  g_free(meshes);
-  tc_scene_clear(&scene);
   return r;
 }
 
@@ -251,13 +273,11 @@ static void compare_depth(double drawn, double truth, double *squares, tc_meter_
   result->depth_max = fmax(result->depth_max, apart);
 }
 
-bool tc_meter_measure(const tc_meter *meter, tc_volume *volume, tc_volume *labels, tc_mesh *const *meshes,
-                      const tc_scene *scene, const atomic_bool *cancel, double most_ms, tc_meter_result *result,
+bool tc_meter_measure(const tc_meter *meter, const tc_meter_subject *of, double most_ms, tc_meter_result *result,
                       GError **error) {
   double start = tc_now_ms();
   *result = (tc_meter_result){0};
-  tc_reference *reference =
-      tc_meter_reference(volume, labels, meshes, scene, meter->width, meter->height, cancel, error);
+  tc_reference *reference = tc_meter_reference(of, meter->width, meter->height, error);
   double *squares = reference ? malloc((size_t)meter->count * sizeof *squares) : NULL;
   if (reference && !squares) tc_set_error(error, TC_ERROR_MEMORY, NULL, "error meter: out of memory");
   bool stopped = false;
@@ -266,12 +286,12 @@ bool tc_meter_measure(const tc_meter *meter, tc_volume *volume, tc_volume *label
   while (squares && n < meter->count) {
     const meter_pixel *p = &meter->pixels[n];
     double wanted[4], got[4];
-    tc_meter_truth(reference, scene, p->x, p->y, 1, wanted);
+    tc_meter_truth(reference, of->scene, p->x, p->y, 1, wanted);
     for (int c = 0; c < 4; c++) got[c] = (double)p->rgba[c];
-    squares[n++] = tc_meter_square(scene, got, wanted, &result->max);
-    if (tc_meter_wants_depth(scene) && !isnan(p->depth))
-      compare_depth((double)p->depth, nearest_of(reference, scene, p), &millimetres, result);
-    stopped = cancel && atomic_load_explicit(cancel, memory_order_relaxed);
+    squares[n++] = tc_meter_square(of->scene, got, wanted, &result->max);
+    if (tc_meter_wants_depth(of->scene) && !isnan(p->depth))
+      compare_depth((double)p->depth, nearest_of(reference, of->scene, p), &millimetres, result);
+    stopped = of->cancel && atomic_load_explicit(of->cancel, memory_order_relaxed);
     if (stopped || (most_ms > 0 && tc_now_ms() - start > most_ms)) break;
   }
   if (squares) tc_meter_estimate(squares, n, result);

@@ -44,17 +44,24 @@ static inline bool tc_meter_wants_depth(const tc_scene *s) {
 }
 void tc_meter_free(tc_meter *meter); /* NULL is fine */
 
-/* Measures against the scene and volumes that the frame was rendered from; labels: what scene->labels.volume names,
- * NULL where it names none; meshes: as in tc_render_request. The truth of a label's surface is its mesh at full detail;
- * meshes of more than 256 MiB together are TC_ERROR_LIMIT. Any thread. After most_ms (0 = no limit) it stops with the
- * pixels it has: they are taken in random order. TC_ERROR_CANCELLED when *cancel (may be NULL) is set;
- * TC_ERROR_UNSUPPORTED where the scene has no reference. */
-bool tc_meter_measure(const tc_meter *meter, tc_volume *volume, tc_volume *labels, struct tc_mesh *const *meshes,
-                      const tc_scene *scene, const atomic_bool *cancel, double most_ms, tc_meter_result *result, GError **error);
+/* What a frame was rendered from. */
+typedef struct tc_meter_subject {
+  tc_volume *volume;
+  tc_volume *labels;             /* the volume that scene->labels.volume names; NULL where it names none */
+  struct tc_mesh *const *meshes; /* as in tc_render_request */
+  const tc_scene *scene;
+  const atomic_bool *cancel; /* NULL: never */
+} tc_meter_subject;
+
+/* Measures the frame against its truth. The truth of a label's surface is its mesh at full detail; meshes of more than
+ * 256 MiB together are TC_ERROR_LIMIT. Any thread. After most_ms (0 = no limit) it stops with the pixels it has: they
+ * are taken in random order. TC_ERROR_CANCELLED when *cancel is set; TC_ERROR_UNSUPPORTED where the scene has no
+ * reference. */
+bool tc_meter_measure(const tc_meter *meter, const tc_meter_subject *of, double most_ms, tc_meter_result *result,
+                      GError **error);
 
 /* The reference of any scene, with the meshes that its surfaces need. */
-tc_reference *tc_meter_reference(tc_volume *volume, tc_volume *labels, struct tc_mesh *const *meshes, const tc_scene *scene,
-                                 int width, int height, const atomic_bool *cancel, GError **error);
+tc_reference *tc_meter_reference(const tc_meter_subject *of, int width, int height, GError **error);
 
 /* What a pixel of the frame goes to as the step goes to 0; rgba as tc_frame.linear has it. share: tc_render_request's
  * pixel_share, 1 where none was given. */

@@ -370,8 +370,13 @@ static bool cancelled(const bench *b, GError **error) {
 }
 
 static bool integrate(bench *b, GError **error) {
-  tc_reference *reference =
-      tc_reference_new_labelled(b->volume, b->labels, &b->scene, b->width, b->height, 1e-7, error);
+  const tc_reference_request of = {.volume = b->volume,
+                                   .labels = b->labels,
+                                   .scene = &b->scene,
+                                   .width = b->width,
+                                   .height = b->height,
+                                   .tolerance = 1e-7};
+  tc_reference *reference = tc_reference_make(&of, error);
   if (!reference) return false;
   bool good = true;
   for (int y = 0; y < b->height && good; y++) {

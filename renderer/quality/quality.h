@@ -93,7 +93,7 @@ void tc_quality_apply(const tc_quality_choice *choice, tc_scene *scene);
 bool tc_quality_wants(const tc_quality_model *model, const tc_scene *scene, tc_camera *camera);
 
 /* Measures one view of the scene as seen by `camera`, rendering with `renderer` (not the one that serves frames: this
- * takes tens to hundreds of milliseconds, on one thread). labels: as in tc_meter_measure(). `model` and
+ * takes tens to hundreds of milliseconds, on one thread). labels: as in tc_meter_subject. `model` and
  * `cost` say where to begin. TC_ERROR_CANCELLED when the interrupt (may be NULL) asks;
  * it does not pause. */
 bool tc_quality_measure(tc_renderer *renderer, tc_volume *volume, tc_volume *labels, const tc_scene *scene,

@@ -36,10 +36,14 @@ bool tc_ref_clip_ray(const tc_ref_clip *clip, tc_ref_ray *ray);
 
 /* NULL, or the name of the meaningless member. */
 const char *tc_ref_camera_set_up(tc_ref_camera *camera, const tc_camera *from, int width, int height);
-/* False if the ray misses the visible part of the field's box. *open: all that is visible, from the eye on; nothing:
- * enter is not less than leave. */
-bool tc_ref_ray_cast(const tc_ref_camera *camera, const tc_ref_clip *clip, const tc_volume_desc *desc, double px,
-                     double py, tc_ref_ray *ray, tc_ref_ray *open);
+/* A pixel's ray. */
+typedef struct tc_ref_cast {
+  tc_ref_ray box;  /* its visible part in the field's box */
+  tc_ref_ray open; /* all that is visible, from the eye on; nothing: enter is not less than leave */
+  bool in_box;     /* false: it misses the visible part of the box */
+} tc_ref_cast;
+void tc_ref_ray_cast(const tc_ref_camera *camera, const tc_ref_clip *clip, const tc_volume_desc *desc, double px,
+                     double py, tc_ref_cast *cast);
 
 /* triangles.c: where rays meet a mesh, in double precision through a hierarchy of boxes. */
 typedef struct tc_ref_triangles tc_ref_triangles;

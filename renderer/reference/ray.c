@@ -83,8 +83,9 @@ static bool clip_to_box(tc_ref_ray *ray, const tc_volume_desc *desc) {
   return ray->enter < ray->leave;
 }
 
-bool tc_ref_ray_cast(const tc_ref_camera *camera, const tc_ref_clip *clip, const tc_volume_desc *desc, double px,
-                     double py, tc_ref_ray *ray, tc_ref_ray *open) {
+void tc_ref_ray_cast(const tc_ref_camera *camera, const tc_ref_clip *clip, const tc_volume_desc *desc, double px,
+                     double py, tc_ref_cast *cast) {
+  tc_ref_ray *ray = &cast->box;
   long double eye[3], direction[3], axis[3][3], inverse[3][3], to_center[3], point[3];
   eye_ray(camera, px, py, eye, direction);
   axes(desc, axis, inverse);
@@ -106,7 +107,7 @@ bool tc_ref_ray_cast(const tc_ref_camera *camera, const tc_ref_clip *clip, const
   ray->enter = ray->eye;
   ray->leave = INFINITY;
   const bool visible = tc_ref_clip_ray(clip, ray);
-  *open = *ray;
-  if (!visible) open->enter = open->leave = 0;
-  return visible && clip_to_box(ray, desc);
+  cast->open = *ray;
+  if (!visible) cast->open.enter = cast->open.leave = 0;
+  cast->in_box = visible && clip_to_box(ray, desc);
 }

@@ -151,80 +151,86 @@ static bool set_up_appearance(tc_reference *r, const tc_scene *scene, const tc_v
   return false;
 }
 
-tc_reference *tc_reference_new(tc_volume *volume, const tc_scene *scene, int width, int height, double tolerance,
-                               GError **error) {
-  return tc_reference_new_labelled(volume, NULL, scene, width, height, tolerance, error);
-}
-
-tc_reference *tc_reference_new_labelled(tc_volume *volume, tc_volume *labels, const tc_scene *scene, int width,
-                                        int height, double tolerance, GError **error) {
-  return tc_reference_new_stoppable(volume, labels, scene, width, height, tolerance, NULL, error);
-}
-
-tc_reference *tc_reference_new_stoppable(tc_volume *volume, tc_volume *labels, const tc_scene *scene, int width,
-                                         int height, double tolerance, const atomic_bool *cancel, GError **error) {
-  return tc_reference_new_meshed(volume, labels, NULL, scene, width, height, tolerance, cancel, error);
-}
-
-tc_reference *tc_reference_new_meshed(tc_volume *volume, tc_volume *labels, const tc_reference_mesh *meshes,
-                                      const tc_scene *scene, int width, int height, double tolerance,
-                                      const atomic_bool *cancel, GError **error) {
-  const char *member = tc_reference_missing(scene);
-  if (member && !(labels && !strcmp(member, "/labels/volume")) && !(meshes && !strcmp(member, "/mesh/surfaces"))) {
+/* A member without a reference, or values that mean nothing: false with the error set. */
+static bool check(const tc_reference_request *of, GError **error) {
+  const char *member = tc_reference_missing(of->scene);
+  if (member && !(of->labels && !strcmp(member, "/labels/volume")) &&
+      !(of->meshes && !strcmp(member, "/mesh/surfaces"))) {
     tc_set_error(
         error, TC_ERROR_UNSUPPORTED, member,
         "reference: %s: only dvr, mip, minip and average of any field and surfaces of the linear one are "
         "integrated",
         member);
-    return NULL;
+    return false;
   }
-  if (width < 1 || height < 1 || !(tolerance == 0 || (tolerance >= 1e-14 && tolerance <= 0.1))) {
-    tc_set_error(error, TC_ERROR_INVALID, NULL, "reference: %dx%d pixels to %g: at least 1x1 and 1e-14 .. 0.1 wanted",
-                 width, height, tolerance);
-    return NULL;
-  }
-  tc_reference *r = g_new0(tc_reference, 1);
-  r->cancel = cancel;
-  r->volume = tc_volume_ref(volume);
+  if (of->width >= 1 && of->height >= 1 && (of->tolerance == 0 || (of->tolerance >= 1e-14 && of->tolerance <= 0.1)))
+    return true;
+  tc_set_error(error, TC_ERROR_INVALID, NULL, "reference: %dx%d pixels to %g: at least 1x1 and 1e-14 .. 0.1 wanted",
+               of->width, of->height, of->tolerance);
+  return false;
+}
+
+static bool set_up_field(tc_reference *r, tc_volume *volume, const tc_scene *scene, GError **error) {
   r->field =
       (tc_ref_field){.filter = scene->filter, .desc = tc_volume_describe(volume), .voxels = tc_volume_data(volume)};
   if (tc_volume_gaps(volume) && is_surface(scene->mode)) r->field.gaps = tc_volume_data(tc_volume_gaps(volume));
+  if (scene->filter != TC_FILTER_CUBIC || !scene->sampling.prefilter) return true;
+  r->field.coefficients = tc_ref_coefficients(&r->field, r->cancel);
+  if (stopped(r)) {
+    tc_set_error(error, TC_ERROR_CANCELLED, NULL, "cancelled");
+    return false;
+  }
+  if (!r->field.coefficients)
+    tc_set_error(error, TC_ERROR_MEMORY, "/sampling/prefilter", "reference: no memory for the coefficients");
+  return r->field.coefficients != NULL;
+}
+
+/* The labels of the scene, or the volume's gaps. */
+static void set_up_labels(tc_reference *r, tc_volume *labels, const tc_scene *scene) {
+  tc_volume *gaps = tc_volume_gaps(r->volume);
   if (labels && scene->labels.volume[0] && scene->mode == TC_MODE_DVR) {
     r->label_volume = tc_volume_ref(labels);
     tc_scene_copy(&r->scene, scene);
     tc_ref_labels_set_up(&r->labels, labels, &r->scene);
-  } else if (tc_volume_gaps(volume) && !is_surface(scene->mode)) {
-    r->label_volume = tc_volume_ref(tc_volume_gaps(volume));
+  } else if (gaps && !is_surface(scene->mode)) {
+    r->label_volume = tc_volume_ref(gaps);
     r->scene.filter = scene->filter;
-    tc_ref_labels_of_gaps(&r->labels, r->label_volume, &r->scene);
+    tc_ref_labels_of_gaps(&r->labels, gaps, &r->scene);
   }
-  if (scene->filter == TC_FILTER_CUBIC && scene->sampling.prefilter) {
-    r->field.coefficients = tc_ref_coefficients(&r->field, cancel);
-    if (stopped(r)) {
-      tc_set_error(error, TC_ERROR_CANCELLED, NULL, "cancelled");
-      goto fail;
-    }
-    if (!r->field.coefficients) {
-      tc_set_error(error, TC_ERROR_MEMORY, "/sampling/prefilter", "reference: no memory for the coefficients");
-      goto fail;
-    }
-  }
+}
+
+static bool set_up(tc_reference *r, const tc_reference_request *of, GError **error) {
+  const tc_scene *scene = of->scene;
+  r->cancel = of->cancel;
+  r->volume = tc_volume_ref(of->volume);
+  set_up_labels(r, of->labels, scene);
+  if (!set_up_field(r, of->volume, scene, error)) return false;
   tc_ref_clip_set_up(&r->clip, scene);
   /* The errors of pieces add up, but each piece's estimate is pessimistic by orders of magnitude. */
-  r->tolerance = (tolerance == 0 ? 1e-10 : tolerance) / 16;
+  r->tolerance = (of->tolerance == 0 ? 1e-10 : of->tolerance) / 16;
   if (scene->mode == TC_MODE_DVR && scene->shading.model != TC_SHADING_NONE)
-    tc_ref_shading_set_up(&r->shading, volume, scene);
-  member = tc_ref_camera_set_up(&r->camera, &scene->camera, width, height);
-  if (member) {
-    tc_set_error(error, TC_ERROR_INVALID, member,
-                 "reference: camera: position, target and up must span a plane and the "
-                 "view be wider than 0 and narrower than 180 degrees");
-    goto fail;
-  }
-  if (set_up_appearance(r, scene, labels, meshes, error)) return r;
-fail:
+    tc_ref_shading_set_up(&r->shading, of->volume, scene);
+  const char *member = tc_ref_camera_set_up(&r->camera, &scene->camera, of->width, of->height);
+  if (!member) return set_up_appearance(r, scene, of->labels, of->meshes, error);
+  tc_set_error(error, TC_ERROR_INVALID, member,
+               "reference: camera: position, target and up must span a plane and the "
+               "view be wider than 0 and narrower than 180 degrees");
+  return false;
+}
+
+tc_reference *tc_reference_make(const tc_reference_request *request, GError **error) {
+  if (!check(request, error)) return NULL;
+  tc_reference *r = g_new0(tc_reference, 1);
+  if (set_up(r, request, error)) return r;
   tc_reference_free(r);
   return NULL;
+}
+
+tc_reference *tc_reference_new(tc_volume *volume, const tc_scene *scene, int width, int height, double tolerance,
+                               GError **error) {
+  const tc_reference_request of = {
+      .volume = volume, .scene = scene, .width = width, .height = height, .tolerance = tolerance};
+  return tc_reference_make(&of, error);
 }
 
 void tc_reference_free(tc_reference *reference) {
@@ -298,14 +304,8 @@ static void integrate(const tc_reference *r, const tc_ref_ray *ray, tc_ref_light
 
 /* ---- surfaces ---- */
 
-/* A pixel's ray. */
-typedef struct cast_ray {
-  tc_ref_ray box, open; /* its part in the field's box, and all that is visible */
-  bool in_box;
-} cast_ray;
-
-static void cast(const tc_reference *r, double px, double py, cast_ray *ray) {
-  ray->in_box = tc_ref_ray_cast(&r->camera, &r->clip, r->field.desc, px, py, &ray->box, &ray->open);
+static void cast(const tc_reference *r, double px, double py, tc_ref_cast *ray) {
+  tc_ref_ray_cast(&r->camera, &r->clip, r->field.desc, px, py, ray);
 }
 
 /* The surface's next hit. */
@@ -329,7 +329,8 @@ static bool meet_plane(const ref_surface *s, const tc_ref_ray *ray, next_hit *ne
   return next->skip++ == 0 && next->t >= ray->enter && next->t <= ray->leave;
 }
 
-static bool meet(const tc_reference *r, const ref_surface *s, const cast_ray *ray, next_hit *next, tc_ref_triangle_hit *on) {
+static bool meet(const tc_reference *r, const ref_surface *s, const tc_ref_cast *ray, next_hit *next,
+                 tc_ref_triangle_hit *on) {
   if (s->triangles) {
     const bool met = tc_ref_triangles_hit(s->triangles, &ray->open, next->skip++ ? next->t : -INFINITY, on);
     next->t = on->t;
@@ -341,7 +342,7 @@ static bool meet(const tc_reference *r, const ref_surface *s, const cast_ray *ra
 }
 
 /* Where the ray meets the surface next; next starts as zeros. */
-static bool hit_surface(const tc_reference *r, const ref_surface *s, const cast_ray *cast, next_hit *next) {
+static bool hit_surface(const tc_reference *r, const ref_surface *s, const tc_ref_cast *cast, next_hit *next) {
   const tc_ref_ray *ray = &cast->open;
   tc_reference_hit *hit = &next->hit;
   tc_ref_triangle_hit on;
@@ -371,7 +372,7 @@ static bool hit_surface(const tc_reference *r, const ref_surface *s, const cast_
 }
 
 /* The nearest first hit of all surfaces, and whose it is; NULL: none. */
-static const ref_surface *hit_nearest(const tc_reference *r, const cast_ray *ray, tc_reference_hit *hit) {
+static const ref_surface *hit_nearest(const tc_reference *r, const tc_ref_cast *ray, tc_reference_hit *hit) {
   const ref_surface *nearest = NULL;
   for (size_t i = 0; i < r->n_surfaces; i++) {
     next_hit own = {0};
@@ -382,7 +383,7 @@ static const ref_surface *hit_nearest(const tc_reference *r, const cast_ray *ray
 }
 
 bool tc_reference_surface(const tc_reference *r, double px, double py, tc_reference_hit *hit) {
-  cast_ray ray;
+  tc_ref_cast ray;
   if (!is_surface(r->mode)) return false;
   cast(r, px, py, &ray);
   return hit_nearest(r, &ray, hit);
@@ -414,7 +415,7 @@ static void add_hit(const ref_surface *s, const tc_reference_hit *hit, blend *b)
 }
 
 /* Every hit of every surface, the nearest first, and the volume between them. */
-static void composite_surfaces(const tc_reference *r, const cast_ray *ray, blend *b) {
+static void composite_surfaces(const tc_reference *r, const tc_ref_cast *ray, blend *b) {
   next_hit *next = g_new0(next_hit, r->n_surfaces + 1);
   tc_ref_ray part = ray->box;
   for (size_t i = 0; i < r->n_surfaces; i++) hit_surface(r, &r->surfaces[i], ray, &next[i]);
@@ -435,7 +436,7 @@ static void composite_surfaces(const tc_reference *r, const cast_ray *ray, blend
 
 void tc_reference_pixel(const tc_reference *r, double px, double py, double rgba[4]) {
   blend b = {.light.transparency = 1, .most = -1};
-  cast_ray ray;
+  tc_ref_cast ray;
   double grey;
   cast(r, px, py, &ray);
   memset(rgba, 0, 4 * sizeof *rgba);
@@ -482,7 +483,7 @@ static tc_reference_sample describe_piece(const tc_reference *r, const tc_ref_ra
 }
 
 /* Lists the transparent pieces up to the hit, and the hit. */
-static void list_surface(const tc_reference *r, const cast_ray *cast, GArray *list) {
+static void list_surface(const tc_reference *r, const tc_ref_cast *cast, GArray *list) {
   tc_reference_hit hit;
   const tc_ref_ray *ray = &cast->box;
   const ref_surface *met = hit_nearest(r, cast, &hit);
@@ -517,7 +518,7 @@ static void list_surface(const tc_reference *r, const cast_ray *cast, GArray *li
 void tc_reference_ray(const tc_reference *r, double px, double py, tc_reference_sample **samples, size_t *count) {
   GArray *list = g_array_new(FALSE, FALSE, sizeof(tc_reference_sample));
   tc_ref_light light = {.transparency = 1};
-  cast_ray of;
+  tc_ref_cast of;
   cast(r, px, py, &of);
   const tc_ref_ray ray = of.box;
   if (of.in_box && is_surface(r->mode)) {

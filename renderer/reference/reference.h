@@ -37,28 +37,29 @@ typedef struct tc_reference_mesh {
 } tc_reference_mesh;
 
 /* JSON pointer to the member because of which this scene has no reference; NULL if it has one. "/labels/volume": the
- * scene needs its label volume (tc_reference_new_labelled); "/mesh/surfaces": meshes (tc_reference_new_meshed). Pure. */
+ * scene needs its label volume; "/mesh/surfaces": meshes (tc_reference_request). Pure. */
 const char *tc_reference_missing(const tc_scene *scene);
 
-/* Takes a reference on the sealed volume and copies what it needs of the scene. tolerance: absolute error bound of
- * each channel of a pixel, 1e-14 .. 0.1; 0 = 1e-10. The prefiltered cubic filter allocates eight bytes per voxel.
- * Errors: TC_ERROR_UNSUPPORTED with a pointer to a member that has no reference (a mode other than dvr, mip, minip,
- * average, isosurface; isosurfaces with another filter than linear; labels without their volume); TC_ERROR_INVALID
- * for a meaningless camera, transfer function or window. */
+/* What a reference is made of. */
+typedef struct tc_reference_request {
+  tc_volume *volume; /* sealed */
+  tc_volume *labels; /* scene->labels.volume, checked as tc_labels_check() does (classify/labels.h); NULL: without */
+  const tc_reference_mesh *meshes; /* [scene->mesh.n_surfaces], of the surfaces of labels and meshes; NULL: without */
+  const tc_scene *scene;
+  int width, height;
+  double tolerance;          /* absolute error bound of each channel of a pixel, 1e-14 .. 0.1; 0 = 1e-10 */
+  const atomic_bool *cancel; /* once true (set from any thread) calls return soon, with meaningless results; must
+                                outlive the reference; NULL: never */
+} tc_reference_request;
+
+/* Takes references on the volumes and copies what it needs of the rest. The prefiltered cubic filter allocates eight
+ * bytes per voxel. Errors: TC_ERROR_CANCELLED; TC_ERROR_UNSUPPORTED with a pointer to a member that has no reference (a
+ * mode other than dvr, mip, minip, average, isosurface; isosurfaces with another filter than linear; labels without
+ * their volume); TC_ERROR_INVALID for a meaningless camera, transfer function or window. */
+tc_reference *tc_reference_make(const tc_reference_request *request, GError **error);
+/* The reference of a scene without labels and meshes. */
 tc_reference *tc_reference_new(tc_volume *volume, const tc_scene *scene, int width, int height, double tolerance,
                                GError **error);
-/* The same with labels (classify/labels.h): takes a reference on the volume that scene->labels.volume names, which
- * the caller has checked as tc_labels_check() does. NULL: without. */
-tc_reference *tc_reference_new_labelled(tc_volume *volume, tc_volume *labels, const tc_scene *scene, int width,
-                                        int height, double tolerance, GError **error);
-/* The same with a way to stop: once *cancel is true (set from any thread; it must outlive the reference) calls
- * return soon, with meaningless results. TC_ERROR_CANCELLED if that happens during this call. */
-tc_reference *tc_reference_new_stoppable(tc_volume *volume, tc_volume *labels, const tc_scene *scene, int width,
-                                         int height, double tolerance, const atomic_bool *cancel, GError **error);
-/* The same with the mesh of each of the scene's surfaces that is of a label or a mesh: meshes[scene->mesh.n_surfaces]. */
-tc_reference *tc_reference_new_meshed(tc_volume *volume, tc_volume *labels, const tc_reference_mesh *meshes,
-                                      const tc_scene *scene, int width, int height, double tolerance,
-                                      const atomic_bool *cancel, GError **error);
 void tc_reference_free(tc_reference *reference); /* NULL is fine */
 
 /* One ray. px, py: pixels from the top left corner of the picture (the centre of pixel i is i + 0.5; any real number

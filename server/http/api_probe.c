@@ -76,8 +76,13 @@ static void start_probe(tcs_request *request, tcs_session *session, void (*run)(
 
 /* The ray through the pixel's centre; NULL with the error set. */
 static tc_reference *trace(probe *p, tc_reference_sample **samples, size_t *count) {
-  tc_reference *r = tc_reference_new_stoppable(p->volume, p->labels, &p->scene, p->scene.image.width,
-                                               p->scene.image.height, 0, &p->work.cancel, &p->work.error);
+  const tc_reference_request of = {.volume = p->volume,
+                                   .labels = p->labels,
+                                   .scene = &p->scene,
+                                   .width = p->scene.image.width,
+                                   .height = p->scene.image.height,
+                                   .cancel = &p->work.cancel};
+  tc_reference *r = tc_reference_make(&of, &p->work.error);
   if (r) tc_reference_ray(r, p->x + 0.5, p->y + 0.5, samples, count);
   return r;
 }

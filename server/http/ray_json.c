@@ -40,8 +40,13 @@ static char *write_ray(const double rgba[4], const tc_reference_sample *samples,
 char *tcs_ray_json(tc_volume *volume, tc_volume *labels, const tc_scene *scene, const int pixel[2],
                    const atomic_bool *cancel, GError **error) {
   const double x = pixel[0] + 0.5, y = pixel[1] + 0.5;
-  tc_reference *r =
-      tc_reference_new_stoppable(volume, labels, scene, scene->image.width, scene->image.height, 0, cancel, error);
+  const tc_reference_request of = {.volume = volume,
+                                   .labels = labels,
+                                   .scene = scene,
+                                   .width = scene->image.width,
+                                   .height = scene->image.height,
+                                   .cancel = cancel};
+  tc_reference *r = tc_reference_make(&of, error);
   if (!r) return NULL;
   tc_reference_sample *samples = NULL;
   size_t count = 0;

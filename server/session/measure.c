@@ -24,7 +24,8 @@ struct tcs_measure {
 
 static void run(tcs_task *task) {
   tcs_measure *m = (tcs_measure *)task;
-  tc_meter_measure(m->meter, m->volume, m->labels, m->meshes, &m->scene, &m->cancel, MOST_MS, &m->result, &m->error);
+  const tc_meter_subject of = {m->volume, m->labels, m->meshes, &m->scene, &m->cancel};
+  tc_meter_measure(m->meter, &of, MOST_MS, &m->result, &m->error);
 }
 
 /* The reason instead of figures. */

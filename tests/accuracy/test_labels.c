@@ -308,7 +308,9 @@ TEST(small_steps_converge_to_the_reference) {
     g_auto(tc_scene) scene;
     busy_scene(&scene, volume, bits);
     scene.image.width = scene.image.height = SIDE / 2;
-    tc_reference *reference = tc_reference_new_labelled(volume, labels, &scene, SIDE / 2, SIDE / 2, 1e-7, NULL);
+    const tc_reference_request of = {
+        .volume = volume, .labels = labels, .scene = &scene, .width = SIDE / 2, .height = SIDE / 2, .tolerance = 1e-7};
+    tc_reference *reference = tc_reference_make(&of, NULL);
     assert_null(tc_reference_new(volume, &scene, SIDE / 2, SIDE / 2, 1e-7, NULL));
     assert_true(tc_reference_image(reference, 2, wanted, NULL));
     tc_reference_free(reference);

@@ -259,7 +259,8 @@ static double error_of_drawn(tc_volume *volume, tc_volume *labels, tc_mesh *cons
   tc_meter_result result;
   GError *error = NULL;
   tc_meter *meter = tc_meter_new(test_draw(test_widest(), volume, drawn, &request, NULL), 600, 1);
-  if (!tc_meter_measure(meter, volume, labels, meshes, truth, NULL, 0, &result, &error)) fail_msg("%s", error->message);
+  if (!tc_meter_measure(meter, &(tc_meter_subject){volume, labels, meshes, truth, NULL}, 0, &result, &error))
+    fail_msg("%s", error->message);
   tc_meter_free(meter);
   return result.rms;
 }
@@ -393,7 +394,7 @@ TEST(meshes_of_a_truth_are_bounded) {
   g_autoptr(GError) error = NULL;
   mesh_scene(&scene, volume, TC_PERSPECTIVE);
   tc_scene_set_surfaces(&scene, g_memdup2(list, sizeof list), 3);
-  assert_null(tc_meter_reference(volume, NULL, meshes, &scene, 8, 8, NULL, &error));
+  assert_null(tc_meter_reference(&(tc_meter_subject){volume, NULL, meshes, &scene, NULL}, 8, 8, &error));
   assert_true(g_error_matches(error, TC_ERROR, TC_ERROR_LIMIT));
   print_message("%s\n", error->message);
 }

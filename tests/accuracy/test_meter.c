@@ -59,7 +59,8 @@ static tc_meter_result measure(int count, uint64_t seed) {
   tc_meter_result result;
   tc_meter *meter = tc_meter_new(&frame, count, seed);
   assert_non_null(meter);
-  if (!tc_meter_measure(meter, volume, NULL, NULL, &scene, NULL, 0, &result, &error)) fail_msg("%s", error->message);
+  if (!tc_meter_measure(meter, &(tc_meter_subject){.volume = volume, .scene = &scene}, 0, &result, &error))
+    fail_msg("%s", error->message);
   tc_meter_free(meter);
   return result;
 }
@@ -119,10 +120,12 @@ TEST(ends_when_told) {
   GError *error = NULL;
   tc_meter_result r;
   tc_meter *meter = tc_meter_new(&frame, 64, 1);
-  assert_false(tc_meter_measure(meter, volume, NULL, NULL, &scene, &cancel, 0, &r, &error));
+  tc_meter_subject of = {.volume = volume, .scene = &scene, .cancel = &cancel};
+  assert_false(tc_meter_measure(meter, &of, 0, &r, &error));
   assert_true(g_error_matches(error, TC_ERROR, TC_ERROR_CANCELLED));
   g_clear_error(&error);
-  assert_true(tc_meter_measure(meter, volume, NULL, NULL, &scene, NULL, 1e-9, &r, &error)); /* out of time: what there is */
+  of.cancel = NULL;
+  assert_true(tc_meter_measure(meter, &of, 1e-9, &r, &error)); /* out of time: what there is */
   assert_true(r.pixels >= 1 && r.pixels < 64);
   tc_meter_free(meter);
 }
@@ -159,7 +162,8 @@ static tc_meter_result surface_measured(const tc_frame *frame, const tc_scene *s
   GError *error = NULL;
   tc_meter_result found;
   tc_meter *meter = tc_meter_new(frame, WIDTH * HEIGHT, 1);
-  if (!tc_meter_measure(meter, volume, NULL, NULL, s, NULL, 0, &found, &error)) fail_msg("%s", error->message);
+  if (!tc_meter_measure(meter, &(tc_meter_subject){.volume = volume, .scene = s}, 0, &found, &error))
+    fail_msg("%s", error->message);
   tc_meter_free(meter);
   return found;
 }
@@ -208,7 +212,8 @@ static void assert_step_alone_counts(tc_scene *s, tc_volume *labels, const char 
                    &error))
       fail_msg("%s: %s", what, error->message);
     tc_meter *meter = tc_meter_new(&drawn, 300, 1);
-    if (!tc_meter_measure(meter, volume, labels, NULL, s, NULL, 0, &found[i], &error))
+    if (!tc_meter_measure(meter, &(tc_meter_subject){.volume = volume, .labels = labels, .scene = s}, 0, &found[i],
+                          &error))
       fail_msg("%s: %s", what, error->message);
     tc_meter_free(meter);
   }

@@ -97,8 +97,13 @@ static void compared(const path *p, int k, int *x, int *y) {
 static void integrate(path *p, int i) {
   GError *error = NULL;
   const tc_scene *s = &p->scene;
-  g_autoptr(tc_reference) reference =
-      tc_reference_new_labelled(p->volume, p->labels, s, s->image.width, s->image.height, 1e-7, &error);
+  const tc_reference_request of = {.volume = p->volume,
+                                   .labels = p->labels,
+                                   .scene = s,
+                                   .width = s->image.width,
+                                   .height = s->image.height,
+                                   .tolerance = 1e-7};
+  g_autoptr(tc_reference) reference = tc_reference_make(&of, &error);
   if (!reference) fail_msg("%s", error->message);
   p->wanted[i] = malloc(PIXELS * 4 * sizeof(float));
   for (int k = 0; k < PIXELS; k++) {

@@ -242,7 +242,9 @@ static bool check_renderer(int which, const subject *s, const tc_frame *usual) {
 static bool check_reference(const subject *s) {
   int width = s->scene->image.width, height = s->scene->image.height;
   GError *error = NULL;
-  tc_reference *r = tc_reference_new_labelled(s->volume, s->labels, s->scene, width, height, 1e-6, &error);
+  const tc_reference_request of = {
+      .volume = s->volume, .labels = s->labels, .scene = s->scene, .width = width, .height = height, .tolerance = 1e-6};
+  tc_reference *r = tc_reference_make(&of, &error);
   bool ok = r || error->code == TC_ERROR_UNSUPPORTED || broken("reference: %s", error->message);
   g_clear_error(&error);
   if (!r) return ok;
