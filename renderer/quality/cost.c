@@ -5,23 +5,25 @@
 
 #include "renderer/raycast/surface.h"
 
-#define KEPT 0.85         /* of the older frames' weight, at each new one */
-#define RAY_SHARE 0.25    /* a / b while nothing tells them apart */
-#define PRIOR 0.02        /* weight of that, against the frames' */
-#define SURPRISE 2        /* a frame this many times as slow or quick: the older ones tell little any more */
-#define PLANNED_SHARE 0.9 /* of a bound on time, however well frames are foretold */
+#define KEPT 0.85             /* factor on the weight of older frames at each new frame */
+#define RAY_SHARE 0.25        /* assumed a / b while all frames had one spacing */
+#define RAY_SHARE_WEIGHT 0.02 /* of that assumption in the fit, relative to the weight of the frames */
+#define NEW_LOOK                                                                                                       \
+  2 /* a frame this many times slower or faster than expected shows another look: older frames are dropped */
+#define PLANNED_SHARE 0.9 /* most of a time bound to plan for, however well times are predicted */
 #define LEAST_SHARE 0.5
-#define DEVIATIONS 2.2  /* kept in hand: 1.65 would do if times scattered normally, and they are skewed */
-#define SPREAD_KEPT 0.9 /* of the older frames' spread, at each new one */
-#define FIRST_SPREAD 0.1 /* before any frame: the first ones are foretold badly */
+#define DEVIATIONS                                                                                                     \
+  2.2 /* standard deviations of safety margin: 1.65 would do for normal scatter, but times are skewed */
+#define SPREAD_KEPT 0.9  /* factor on the older spread at each new frame */
+#define FIRST_SPREAD 0.1 /* before any frame: the first frames are predicted badly */
 #define PACE_WEIGHT 0.4  /* of the newest final frame, in logarithms */
 #define FINEST_RUNG (-24)
 #define COARSEST_RUNG 16
-/* What a segment of preintegrated2, its two samples and three look-ups, costs beside one of preintegrated: constants,
- * not a clock, for one scene has one picture under a bound on the error. By how the time of the quickest of several
- * frames, of both methods in turn, grows from a step of 1 to 0.25, over built-in volumes without shading: on the cpu
- * 2.4 to 2.7, more where little is seen; on gl 1.4 to 1.5, measured in software (llvmpipe) for want of a GPU, which has
- * to fetch and look up as often. Shading lowers it, for either method has one gradient a segment: to 2 and 1.3. */
+/* Cost of a segment of preintegrated2 (two samples, three look-ups) relative to one of preintegrated. The ratio is a
+ * constant and not measured at run time, so that one scene gives one picture under a bound on the error. It comes from
+ * the growth of frame times from step 1 to step 0.25, built-in volumes without shading, fastest of several alternating
+ * frames: 2.4 to 2.7 on the cpu (more where little is visible), 1.4 to 1.5 on gl (llvmpipe; a GPU fetches as often).
+ * Shading lowers the ratio to 2 and 1.3, because both methods compute one gradient a segment. */
 #define SECOND_ON_CPU 2.7
 #define SECOND_ON_GL 1.5
 
@@ -30,8 +32,9 @@ tc_quality_cost tc_quality_cost_of(const char *backend) {
 }
 
 static void solve(const tc_quality_cost *c, double *a, double *b) {
-  /* least squares, and PRIOR * (a - RAY_SHARE b)^2 */
-  double p = PRIOR * c->w, m00 = c->w + p, m01 = c->x - p * RAY_SHARE, m11 = c->xx + p * RAY_SHARE * RAY_SHARE;
+  /* least squares, plus RAY_SHARE_WEIGHT * (a - RAY_SHARE b)^2 */
+  double p = RAY_SHARE_WEIGHT * c->w, m00 = c->w + p, m01 = c->x - p * RAY_SHARE,
+         m11 = c->xx + p * RAY_SHARE * RAY_SHARE;
   double det = m00 * m11 - m01 * m01;
   *a = (c->y * m11 - c->xy * m01) / det;
   *b = (c->xy * m00 - c->y * m01) / det;
@@ -43,7 +46,7 @@ double tc_quality_stretch(const tc_scene *scene) {
   return scene->mode == TC_MODE_DVR ? scene->sampling.rays_per_pixel : 1;
 }
 
-/* What the scene's segments count a voxel, at this spacing. */
+/* Segments per voxel at this spacing, in units of preintegrated's. */
 static double segments(const tc_quality_cost *cost, const tc_scene *scene, double spacing) {
   bool second = scene->mode == TC_MODE_DVR && scene->classification == TC_PREINTEGRATED2;
   return (second ? cost->second : 1) / spacing;
@@ -70,10 +73,10 @@ double tc_quality_cost_ms(const tc_quality_cost *cost, const tc_scene *scene, do
 void tc_quality_cost_add(tc_quality_cost *c, const tc_scene *scene, double pixels, double ms) {
   double rays = pixels * scene->sampling.rays_per_pixel, spacing = scene->sampling.step * tc_quality_stretch(scene);
   if (!(rays > 0) || !(spacing > 0) || !(ms > 0) || tc_is_surface(scene->mode) || scene->mode == TC_MODE_SPLAT) return;
-  /* Between what the fit and its upper bound say is no surprise. */
+  /* A time between the fit and its upper bound was expected. */
   double x = segments(c, scene, spacing), was = fmin(fmax(ms, fitted(c, rays, x)), expected(c, rays, x));
-  const double off = was > 0 ? fmax(ms / was, was / ms) : 1, kept = off > SURPRISE ? 0 : KEPT;
-  if (was > 0) c->spread += (1 - SPREAD_KEPT) * (pow(log(fmin(off, SURPRISE)), 2) - c->spread);
+  const double off = was > 0 ? fmax(ms / was, was / ms) : 1, kept = off > NEW_LOOK ? 0 : KEPT;
+  if (was > 0) c->spread += (1 - SPREAD_KEPT) * (pow(log(fmin(off, NEW_LOOK)), 2) - c->spread);
   double y = ms / rays, w = 1 / (y * y);
   c->most = kept > 0 ? fmax(c->most, x) : x;
   c->w = c->w * kept + w;

@@ -1,21 +1,21 @@
-/* Quality control: the cheapest sampling whose error stays under a bound, and its dual, the one of the least error that
- * comes in time.
+/* Quality control chooses the cheapest sampling whose error stays under a bound, or the sampling with the smallest
+ * error that fits into a time.
  *
  * The error of a frame (root mean square over pixels and channels, colour 0..1, see meter.h) falls with the step by a
- * power that depends on the look: 3 or 2 where all is smooth, less at jumps, 0 where a table or single precision is the
- * limit. The power is measured: a picture of some thousand rays of this scene is rendered at a few steps around the
+ * power that depends on the look: 3 or 2 in smooth fields, less at jumps, 0 where a table or single precision limits
+ * the error. The power is measured: a picture of some thousand rays of this scene is rendered at a few steps around the
  * largest step that holds the bound (or the smallest that keeps the time) and compared with the reference; a power of
  * the step is fitted to these errors. A camera near a measured one uses that camera's curve; a camera far from all uses
  * the worst curve and a margin. Steps are rungs of 2^(1/8), so that neighbouring cameras share their tables.
  *
  * What is chosen: the step; the termination, whose error is kept far under the bound or the error expected; and, where
- * the scene's classification is preintegrated or preintegrated2, one of these two. Under a bound on the error the method
- * with the lower cost of segments (cost.h) is chosen, without measured times: one scene gives one picture. Under a
- * bound on time each method takes the finest step that keeps the time, and the present method stays unless the other's
- * error is clearly less, so that a moving camera does not alternate. Other classifications were asked for by name and
- * stay. So do the scene's rays per pixel, which smooth edges but do not reduce the error of sampling: with R rays of a
- * pixel `spacing` below, that of one ray's samples, is R steps (raycast/subpixel.h). The table's size follows from the
- * knots (classify/preintegration.h) and is part of what is measured.
+ * the scene's classification is preintegrated or preintegrated2, one of these two. Under a bound on the error the
+ * method with the lower cost of segments (cost.h) is chosen, without measured times: one scene gives one picture. Under
+ * a bound on time each method takes the finest step that keeps the time, and the present method stays unless the
+ * other's error is clearly less, so that a moving camera does not alternate. Other classifications were asked for by
+ * name and stay. So do the scene's rays per pixel, which smooth edges but do not reduce the error of sampling: with R
+ * rays of a pixel `spacing` below, that of one ray's samples, is R steps (raycast/subpixel.h). The table's size follows
+ * from the knots (classify/preintegration.h) and is part of what is measured.
  *
  * A model belongs to one look (everything of a scene but the camera, sampling.step/termination and, with one ray a
  * pixel, the image's size: how far apart a pixel's rays are counts) and one bound. Plain data: zero-initialise; any
@@ -32,8 +32,9 @@
 #define TC_QUALITY_VIEWS 24
 #define TC_QUALITY_REASON 240 /* bytes */
 
-/* error(spacing) = rms * (spacing / .spacing)^order between finest and coarsest, voxels; measured errors lie off it by
- * a factor of about exp(spread), which is added to what is expected. rms 0: not measured. */
+/* error(spacing) = rms * (spacing / .spacing)^order for spacings from finest to coarsest, voxels. Measured errors
+ * differ from the curve by a factor of about exp(spread), and expected errors include this factor. rms 0: not measured.
+ */
 typedef struct tc_quality_curve {
   double spacing, rms, order, spread, finest, coarsest;
 } tc_quality_curve;
@@ -50,7 +51,7 @@ typedef struct tc_quality_view {
 } tc_quality_view;
 
 typedef struct tc_quality_model {
-  int n, next; /* views there are; the one a new view replaces when all are taken */
+  int n, next; /* number of views; index of the view to replace when all are in use */
   tc_quality_view views[TC_QUALITY_VIEWS];
 } tc_quality_model;
 
@@ -65,11 +66,12 @@ typedef struct tc_quality_choice {
   char reason[TC_QUALITY_REASON]; /* one sentence */
 } tc_quality_choice;
 
-/* Why there is nothing to choose for the bound that the scene asks for, one phrase in `size` bytes; false: there is.
+/* True if nothing can be chosen for the scene's bound; `reason` (of `size` bytes) then says why in one phrase.
  * Pure. */
 bool tc_quality_refuses(const tc_scene *scene, char *reason, size_t size);
-/* The choice for the scene's bound rests on measured views: always under max_error; under max_ms between the methods
- * and once a frame was timed, for that tells the step to measure about; else the step alone follows the time. Pure. */
+/* Whether the choice needs measured views. Under max_error it always does. Under max_ms it does where there are two
+ * methods to choose from and a frame was timed (which gives the step to measure around); else time alone sets the step.
+ * Pure. */
 bool tc_quality_measures(const tc_quality_cost *cost, const tc_scene *scene);
 
 /* The error that the model expects of a sampling of the scene as its camera sees it; INFINITY where it cannot say.

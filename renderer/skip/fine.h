@@ -1,10 +1,10 @@
-/* Minimum and maximum of fine boxes, two cells wide, in 8 bits: what decides for any transfer function at once which of
- * them are empty, without a look at the voxels.
+/* Minimum and maximum of each fine box (two cells wide) in 8 bits. Empty-space skipping tests them against any transfer
+ * function and does not read the voxels again.
  *
  * Values are binned: 8-bit voxels are their own bins; others share 256 bins, half of them equally wide, half equally
- * full, so that a bin is narrow where many voxels are. A bin is empty in a range (skip/empty_ranges.h) if all of its values are:
- * what rounding costs is the bin that a knot falls into. Two bytes stand for eight voxels: a quarter of the bytes of an
- * 8-bit volume, an eighth of a 16-bit one. */
+ * full, so that a bin is narrow where many voxels are. A bin is empty if all of its values lie in an empty range
+ * (skip/empty_ranges.h), so that rounding to bins loses only the bin that holds a knot. Two bytes stand for eight
+ * voxels: a quarter of the bytes of an 8-bit volume, an eighth of a 16-bit one. */
 #ifndef TC_SKIP_FINE_H
 #define TC_SKIP_FINE_H
 
@@ -15,7 +15,8 @@
 typedef struct tc_fine {
   tc_minmax grid;        /* of blocks as wide as a fine box; its pairs are not kept */
   uint8_t *least, *most; /* [blocks z][blocks y][blocks x]: bins of the minima and maxima */
-  uint8_t *bins;         /* of each level: of all values of an 8- or 16-bit type, or 65,536 of a float's range */
+  uint8_t *bins; /* [levels] bin of each level; levels are all values of an 8- or 16-bit type, or 65,536 steps of a
+                    float's range */
   int levels;
   double lo, scale; /* level = (voxel - lo) * scale */
   size_t bytes;
@@ -25,7 +26,7 @@ typedef struct tc_fine {
 /* Fine boxes are two cells wide, or half of a block that is wider than usual; wider where they would take more than
  * most_bytes. NULL with TC_ERROR_MEMORY. */
 tc_fine *tc_fine_begin(const tc_volume *volume, int block, int reach, size_t most_bytes, GError **error);
-/* Builds on until all is there: true, at once if it already is. False: the pool's halt, or TC_ERROR_MEMORY. */
+/* Continues the build to its end (true; at once if finished before). False: the pool was halted, or TC_ERROR_MEMORY. */
 bool tc_fine_go_on(tc_fine *fine, const tc_volume *volume, tc_pool *pool, GError **error);
 void tc_fine_free(tc_fine *fine); /* NULL is fine */
 
