@@ -81,7 +81,7 @@ static bool begin(tc_object_speed *s) {
   s->volume = volume_of_a_ball();
   if (!s->volume) return false;
   set_scene(s->volume, &s->scene);
-  return tc_object_cost_of(s->volume, &s->scene, PIXELS, PIXELS, NULL, NULL, &s->cost);
+  return tc_object_cost_of(s->volume, &s->scene, PIXELS, PIXELS, NULL, &s->cost);
 }
 
 /* Of each mode in turn; the first round builds. */

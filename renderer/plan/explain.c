@@ -411,8 +411,9 @@ void tc_explain_object(const tc_volume *volume, const tc_scene *scene, const dou
   const teller t = {.volume = volume, .scene = scene, .to = to};
   const tc_object_cost *c = &to->object;
   const tc_mode mode = scene->mode;
-  to->has_object = tc_object_cost_of(volume, scene, to->width, to->height, speed, cancel, &to->object);
+  to->has_object = tc_object_cost_of(volume, scene, to->width, to->height, cancel, &to->object);
   if (!to->has_object) return;
+  if (speed) tc_object_cost_scale(&to->object, speed);
   add(&t, mode == TC_MODE_SPLAT ? TC_STAGE_SPLATS : mode == TC_MODE_MESH ? TC_STAGE_MESH : TC_STAGE_SKIPPING,
       "; %s cheapest: about %.2g ms splatted, %.2g ray-cast, %.2g as a mesh", ways[c->cheapest], c->ms[TC_OBJECT_SPLAT],
       c->ms[TC_OBJECT_ISOSURFACE], c->ms[TC_OBJECT_MESH]);

@@ -146,8 +146,16 @@ static bool walk_all(walk *w, int width, int height, const atomic_bool *cancel) 
   return true;
 }
 
-bool tc_object_cost_of(const tc_volume *volume, const tc_scene *scene, int width, int height,
-                       const double speed[TC_OBJECT_MODES], const atomic_bool *cancel, tc_object_cost *cost) {
+void tc_object_cost_scale(tc_object_cost *cost, const double speed[TC_OBJECT_MODES]) {
+  cost->cheapest = 0;
+  for (int m = 0; m < TC_OBJECT_MODES; m++) {
+    cost->ms[m] *= speed[m];
+    if (cost->ms[m] < cost->ms[cost->cheapest]) cost->cheapest = (tc_object_mode)m;
+  }
+}
+
+bool tc_object_cost_of(const tc_volume *volume, const tc_scene *scene, int width, int height, const atomic_bool *cancel,
+                       tc_object_cost *cost) {
   memset(cost, 0, sizeof *cost);
   if (!tc_is_object(volume, scene)) return false;
   const tc_volume_desc *d = tc_volume_describe(volume);
@@ -172,7 +180,7 @@ bool tc_object_cost_of(const tc_volume *volume, const tc_scene *scene, int width
   if (t[TC_TERM_HITS] > 0)
     t[TC_TERM_APART] = t[TC_TERM_NEAR] * fmin(sqrt(t[TC_TERM_SEEN] / t[TC_TERM_HITS]), MOST_APART);
   for (int m = 0; m < TC_OBJECT_MODES; m++) {
-    for (int i = 0; i < TC_TERM_COUNT; i++) cost->ms[m] += rates[m][i] * cost->terms[i] * (speed ? speed[m] : 1);
+    for (int i = 0; i < TC_TERM_COUNT; i++) cost->ms[m] += rates[m][i] * cost->terms[i];
     if (cost->ms[m] < cost->ms[cost->cheapest]) cost->cheapest = (tc_object_mode)m;
   }
   return true;

@@ -38,10 +38,11 @@ typedef struct tc_object_cost {
  * grid; the threshold is splat.threshold's lower end, or the iso value. */
 bool tc_is_object(const tc_volume *volume, const tc_scene *scene);
 
-/* False: the scene is no such object, or *cancel became true. speed: factors of the modes' milliseconds; NULL: 1. Takes a
- * few milliseconds. cancel: may be NULL. */
-bool tc_object_cost_of(const tc_volume *volume, const tc_scene *scene, int width, int height,
-                       const double speed[TC_OBJECT_MODES], const atomic_bool *cancel, tc_object_cost *cost);
+/* False: the scene is no such object, or *cancel became true. Takes a few milliseconds. cancel: may be NULL. */
+bool tc_object_cost_of(const tc_volume *volume, const tc_scene *scene, int width, int height, const atomic_bool *cancel,
+                       tc_object_cost *cost);
+/* Multiplies the milliseconds of each mode by its factor and finds the cheapest mode again. */
+void tc_object_cost_scale(tc_object_cost *cost, const double speed[TC_OBJECT_MODES]);
 
 tc_mode tc_object_mode_of(tc_object_mode mode);
 

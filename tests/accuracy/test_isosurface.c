@@ -360,7 +360,7 @@ TEST(costs_are_this_renderers) {
         assert_true(tc_renderer_explain(test_renderers[i ? test_widest() : SCALAR], volume, &scene, NULL, &plan, NULL));
       while (!plan.object_measured && ++calls < 100);
       assert_true(plan.object_measured && (zoomed ? calls == 0 : i || calls > 0)); /* in pieces (scalar ones are slow), and once */
-      assert_true(plan.has_object && tc_object_cost_of(volume, &scene, 64, 64, NULL, NULL, &rates));
+      assert_true(plan.has_object && tc_object_cost_of(volume, &scene, 64, 64, NULL, &rates));
       for (int m = 0; m < TC_OBJECT_MODES; m++)
         speed[zoomed][m] = plan.object.ms[m] / rates.ms[m];
     }

@@ -248,7 +248,7 @@ TEST_WITH(the_cheaper_mode_is_named, set_up, tear_down) {
   tc_object_cost c;
   const double area = M_PI * 24 * 24;
   ball_seen_whole(f, 480);
-  assert_true(tc_object_cost_of(f->volume, &f->scene, 480, 480, NULL, NULL, &c));
+  assert_true(tc_object_cost_of(f->volume, &f->scene, 480, 480, NULL, &c));
   printf("near %.1f of %.1f, hits %.1f of %.1f, seen %.2f of %.2f, surface %.2f kilovoxels\n", c.terms[TC_TERM_NEAR],
          c.terms[TC_TERM_STEPS], c.terms[TC_TERM_HITS], area * 25 / 1000,
          c.terms[TC_TERM_SEEN], area / 1000, c.terms[TC_TERM_SURFACE]);
@@ -262,13 +262,13 @@ TEST_WITH(the_cheaper_mode_is_named, set_up, tear_down) {
   assert_true(tc_explain(f->volume, &f->scene, 480, 480, &plan, NULL));
   assert_true(plan.has_object && plan.object.cheapest == c.cheapest);
   assert_non_null(strstr(plan.stages[TC_STAGE_SPLATS].reason, "cheapest: about"));
-  assert_true(tc_object_cost_of(f->volume, &f->scene, 24, 24, NULL, NULL, &c));
+  assert_true(tc_object_cost_of(f->volume, &f->scene, 24, 24, NULL, &c));
   assert_true(c.ms[TC_OBJECT_ISOSURFACE] < c.ms[TC_OBJECT_SPLAT]);
   const atomic_bool over = true;
-  assert_false(tc_object_cost_of(f->volume, &f->scene, 480, 480, NULL, &over, &c));
+  assert_false(tc_object_cost_of(f->volume, &f->scene, 480, 480, &over, &c));
   assert_true(c.terms[TC_TERM_RAYS] == 0); /* it walked none */
   f->scene.mode = TC_MODE_DVR;
-  assert_false(tc_object_cost_of(f->volume, &f->scene, 480, 480, NULL, NULL, &c));
+  assert_false(tc_object_cost_of(f->volume, &f->scene, 480, 480, NULL, &c));
 }
 
 TESTS(NULL, NULL)
