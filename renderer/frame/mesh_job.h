@@ -31,7 +31,7 @@ void tc_mesh_job_end(tc_mesh_job *m);
 /* How many triangles of a mesh with levels of detail the plan draws; 0: no memory. */
 size_t tc_mesh_triangles(const tc_clusters *mesh, const tc_plan *plan, const tc_scene *scene);
 
-/* Picks the mesh at pixel position (x, y) of a picture of the job's size. TC_ERROR_MEMORY. */
+/* Picks the mesh at pick->at of a picture of the job's size. TC_ERROR_MEMORY. */
 bool tc_mesh_job_pick(const tc_frame_job *job, tc_pick *pick, GError **error);
 
 #endif

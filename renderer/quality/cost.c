@@ -8,12 +8,10 @@
 #define KEPT 0.85             /* factor on the weight of older frames at each new frame */
 #define RAY_SHARE 0.25        /* assumed a / b while all frames had one spacing */
 #define RAY_SHARE_WEIGHT 0.02 /* of that assumption in the fit, relative to the weight of the frames */
-#define NEW_LOOK                                                                                                       \
-  2 /* a frame this many times slower or faster than expected shows another look: older frames are dropped */
+#define NEW_LOOK 2            /* a frame this many times slower or faster than expected: older frames are dropped */
 #define PLANNED_SHARE 0.9 /* most of a time bound to plan for, however well times are predicted */
 #define LEAST_SHARE 0.5
-#define DEVIATIONS                                                                                                     \
-  2.2 /* standard deviations of safety margin: 1.65 would do for normal scatter, but times are skewed */
+#define DEVIATIONS 2.2   /* standard deviations of margin: 1.65 would do for normal scatter, but times are skewed */
 #define SPREAD_KEPT 0.9  /* factor on the older spread at each new frame */
 #define FIRST_SPREAD 0.1 /* before any frame: the first frames are predicted badly */
 #define PACE_WEIGHT 0.4  /* of the newest final frame, in logarithms */

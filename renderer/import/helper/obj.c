@@ -1,5 +1,5 @@
-/* Wavefront OBJ: vertices, with colours ("v x y z r g b", 0 to 1, as MeshLab and Blender write them), normals and faces. What else there is (textures, groups, materials, curves) is left out, and no
- * other file is opened. */
+/* Wavefront OBJ: vertices, with colours ("v x y z r g b", 0 to 1, as MeshLab and Blender write them), normals and faces.
+ * What else there is (textures, groups, materials, curves) is left out, and no other file is opened. */
 #include <string.h>
 
 #include "renderer/import/helper/build.h"

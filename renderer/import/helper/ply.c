@@ -1,5 +1,5 @@
-/* PLY, ASCII and binary of either byte order: vertices (x y z, nx ny nz, red green blue) and faces; every other element and property is
- * left out. */
+/* PLY, ASCII and binary of either byte order: vertices (x y z, nx ny nz, red green blue) and faces; every other element and
+ * property is left out. */
 #include <string.h>
 
 #include "renderer/import/helper/build.h"
