@@ -60,16 +60,24 @@ static tc_quality_method method_of(const tc_scene *s, tc_classification classifi
 
 static bool is_timed(const tc_scene *s) { return s->quality.max_ms > 0; }
 
+/* The reference of a measurement is made without meshes. */
+static bool lacks_truth(const tc_scene *scene, char *reason, size_t size) {
+  const char *missing = tc_reference_missing(scene);
+  if (!missing || strcmp(missing, "/mesh/surfaces") != 0) return tc_meter_refuses(scene, reason, size);
+  snprintf(reason, size, "surfaces of labels and meshes in a volume have no bound on the error; set sampling.step");
+  return true;
+}
+
 bool tc_quality_refuses(const tc_scene *scene, char *reason, size_t size) {
   if (!tc_is_surface(scene->mode) && scene->mode != TC_MODE_SPLAT)
-    return !is_timed(scene) && tc_meter_refuses(scene, reason, size);
+    return !is_timed(scene) && lacks_truth(scene, reason, size);
   snprintf(reason, size, "mode %s has no steps to choose", tc_mode_names[scene->mode]);
   return true;
 }
 
 bool tc_quality_measures(const tc_quality_cost *cost, const tc_scene *scene) {
   char reason[96];
-  if (is_timed(scene)) return cost->w > 0 && has_methods(scene) && !tc_meter_refuses(scene, reason, sizeof reason);
+  if (is_timed(scene)) return cost->w > 0 && has_methods(scene) && !lacks_truth(scene, reason, sizeof reason);
   return scene->quality.max_error > 0 && !tc_quality_refuses(scene, reason, sizeof reason);
 }
 

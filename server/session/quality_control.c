@@ -63,7 +63,7 @@ void tcs_quality_free(tcs_quality *q) {
 /* Everything of a scene that its error depends on beside camera and sampling: the scene's own words, less those. Lists
  * that are shared are not written down, which would take as long as they are: their digests stand for them. */
 static char *look_of(const tc_volume *volume, const tc_volume *labels, const tc_scene *scene) {
-  static const char *const out[] = {"camera", "errorMeter", "skipping", "splat", "mpr", "isosurface", "mesh"};
+  static const char *const out[] = {"camera", "errorMeter", "skipping", "splat", "mpr", "isosurface"};
   static const char *const out_of[][2] = {{"image", "format"},  {"image", "quality"},        {"image", "subsampling"},
                                           {"sampling", "step"}, {"sampling", "termination"}, {"image", "width"},
                                           {"image", "height"}};
@@ -74,6 +74,7 @@ static char *look_of(const tc_volume *volume, const tc_volume *labels, const tc_
   if (brief.labels.shared_visible) brief.labels.n_visible = 0;
   cJSON *json = tcp_scene_write(&brief);
   for (size_t i = 0; i < G_N_ELEMENTS(out); i++) cJSON_DeleteItemFromObjectCaseSensitive(json, out[i]);
+  if (!scene->mesh.with_volume) cJSON_DeleteItemFromObjectCaseSensitive(json, "mesh");
   for (size_t i = 0; i < n_out_of; i++)
     cJSON_DeleteItemFromObjectCaseSensitive(cJSON_GetObjectItemCaseSensitive(json, out_of[i][0]), out_of[i][1]);
   char *text = cJSON_PrintUnformatted(json);

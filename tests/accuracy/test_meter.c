@@ -3,6 +3,7 @@
 #include "tests/support/test.h"
 
 #include "renderer/quality/meter.h"
+#include "renderer/quality/quality.h"
 #include "renderer/raycast/subpixel.h"
 #include "renderer/reference/reference.h"
 #include "tests/support/grid.h"
@@ -152,6 +153,13 @@ TEST(what_has_no_reference_is_said) {
       assert_false(tc_meter_refuses(&listed, reason, sizeof reason) && strstr(reason, "mesh/"));
     }
   }
+  /* A bound on the error is measured without meshes: refused, and said, where the volume has some in it. */
+  listed.mode = TC_MODE_DVR, listed.mesh.with_volume = true, listed.quality.max_error = 0.01;
+  assert_false(tc_quality_refuses(&listed, reason, sizeof reason));
+  surface.source = TC_SURFACE_OF_LABEL, surface.label = 1;
+  assert_true(tc_quality_refuses(&listed, reason, sizeof reason) && strstr(reason, "labels and meshes"));
+  listed.mesh.with_volume = false;
+  assert_false(tc_quality_refuses(&listed, reason, sizeof reason));
   scene.mode = TC_MODE_DVR;
   scene.error_meter.pixels = 0;
 }
