@@ -18,7 +18,7 @@ struct tc_object_speed {
 
 /* What the rates' own machine takes, over what they expect: so small an object lies in the cache. */
 static const double usual[TC_OBJECT_MODES] = {
-    [TC_OBJECT_SPLAT] = 0.68, [TC_OBJECT_ISOSURFACE] = 1.07, [TC_OBJECT_MESH] = 0.8};
+    [TC_OBJECT_SPLAT] = 0.92, [TC_OBJECT_ISOSURFACE] = 0.7, [TC_OBJECT_MESH] = 0.85};
 
 /* Of a mode's factor beside the modes' mean, the root: in the cache instructions are all that counts, of larger objects
  * memory has its part. (With scalar rays the factor is 5 here and 2 to 3 over scenes of seven volumes.) */

@@ -14,9 +14,9 @@
 
 /* Milliseconds per unit of each term, fitted on two threads of an AMD EPYC (Zen 4). */
 static const double rates[TC_OBJECT_MODES][TC_TERM_COUNT] = {
-    [TC_OBJECT_SPLAT] = {0.35, 0.000737, 0, 0, 0.000983, 0.0188, 0.0192, 0.0468, 0},
-    [TC_OBJECT_ISOSURFACE] = {0.0919, 0, 0.00838, 0.000253, 0.0086, 0, 0, 0.00398, 0.0175},
-    [TC_OBJECT_MESH] = {0.0453, 0.00215, 0, 3.1e-06, 0.00196, 0.0142, 0.0227, 0.0095, 0.00172},
+    [TC_OBJECT_SPLAT] = {0.0884, 0.000639, 0, 0, 0.00283, 0.00598, 0.00978, 0.083, 0},
+    [TC_OBJECT_ISOSURFACE] = {0.119, 0, 0.0185, 6.22e-05, 0.0103, 0, 0, 0, 0.0263},
+    [TC_OBJECT_MESH] = {0.0114, 0.00197, 2.1e-06, 0, 0.00244, 0.0168, 0.0248, 0.0152, 0.00175},
 };
 
 tc_mode tc_object_mode_of(tc_object_mode mode) {
