@@ -38,11 +38,17 @@ static bool length_fits(const message *m) {
   }
 }
 
+/* Reads a body of `bytes` bytes whole; the reader begins at its first. */
+static bool take_body(const tc_wire_reader *in, uint8_t *body, size_t bytes, tc_reader *r, GError **error) {
+  if (!in->read(in->user, body, bytes, error)) return false;
+  tc_reader_init(r, body, bytes, false);
+  return true;
+}
+
 static bool next_message(const tc_wire_reader *in, message *m, GError **error) {
   uint8_t header[TC_WIRE_HEADER_BYTES];
-  if (!in->read(in->user, header, sizeof header, error)) return false;
   tc_reader r;
-  tc_reader_init(&r, header, sizeof header, false);
+  if (!take_body(in, header, sizeof header, &r, error)) return false;
   m->kind = tc_reader_u32(&r);
   m->length = tc_reader_u32(&r);
   return length_fits(m) || broken(error, "unknown message");
@@ -78,9 +84,8 @@ static void take_text(tc_reader *r, char *out, size_t field) {
 static bool take_fail(const tc_wire_reader *in, GError **error) {
   uint8_t body[4 + TC_WIRE_FAIL_TEXT];
   char text[TC_WIRE_FAIL_TEXT];
-  if (!in->read(in->user, body, sizeof body, error)) return false;
   tc_reader r;
-  tc_reader_init(&r, body, sizeof body, false);
+  if (!take_body(in, body, sizeof body, &r, error)) return false;
   uint32_t code = tc_reader_u32(&r);
   take_text(&r, text, sizeof text);
   bool allowed = code == TC_ERROR_FORMAT || code == TC_ERROR_LIMIT || code == TC_ERROR_UNSUPPORTED ||
@@ -99,9 +104,8 @@ static bool tick(const tc_wire_reader *in, double fraction, GError **error) {
 
 static bool take_progress(const tc_wire_reader *in, GError **error) {
   uint8_t body[8];
-  if (!in->read(in->user, body, sizeof body, error)) return false;
   tc_reader r;
-  tc_reader_init(&r, body, sizeof body, false);
+  if (!take_body(in, body, sizeof body, &r, error)) return false;
   double fraction = tc_reader_f64(&r);
   if (!(fraction >= 0 && fraction <= 1)) return broken(error, "progress");
   return tick(in, fraction, error);
@@ -129,9 +133,8 @@ static bool provenance_is_sane(const tc_provenance *from, const tc_volume_desc *
 static bool take_head(const tc_wire_reader *in, tc_volume_desc *desc, tc_provenance *from, GError **error) {
   uint8_t body[TC_WIRE_HEAD_BYTES];
   double numbers[TC_WIRE_HEAD_NUMBERS];
-  if (!in->read(in->user, body, sizeof body, error)) return false;
   tc_reader r;
-  tc_reader_init(&r, body, sizeof body, false);
+  if (!take_body(in, body, sizeof body, &r, error)) return false;
   memset(desc, 0, sizeof *desc);
   for (int i = 0; i < 3; i++) desc->dims[i] = tc_reader_i32(&r);
   uint32_t type = tc_reader_u32(&r);
@@ -186,9 +189,8 @@ static tc_volume *volume_for(const tc_wire_reader *in, GError **error) {
 
 static bool take_u64(const tc_wire_reader *in, uint64_t *value, GError **error) {
   uint8_t body[8];
-  if (!in->read(in->user, body, sizeof body, error)) return false;
   tc_reader r;
-  tc_reader_init(&r, body, sizeof body, false);
+  if (!take_body(in, body, sizeof body, &r, error)) return false;
   *value = tc_reader_u64(&r);
   return true;
 }
@@ -236,9 +238,8 @@ static void add_array(filling *f, void *at, size_t bytes) {
 
 static bool take_voxels(const tc_wire_reader *in, filling *f, GError **error) {
   uint8_t body[8];
-  if (!in->read(in->user, body, sizeof body, error)) return false;
   tc_reader r;
-  tc_reader_init(&r, body, sizeof body, false);
+  if (!take_body(in, body, sizeof body, &r, error)) return false;
   uint32_t slot = tc_reader_u32(&r), bytes = tc_reader_u32(&r);
   if (slot >= TC_WIRE_SLOTS || bytes > TC_WIRE_SLOT_BYTES) return broken(error, "slot");
   const uint8_t *from = in->ring + (size_t)slot * TC_WIRE_SLOT_BYTES;
@@ -308,9 +309,8 @@ static tc_volume *volume_of_model(const filling *f, GError **error) {
 static bool take_mesh_head(const tc_wire_reader *in, tc_mesh_head *head, GError **error) {
   uint8_t body[TC_WIRE_MESH_BYTES];
   double numbers[6];
-  if (!in->read(in->user, body, sizeof body, error)) return false;
   tc_reader r;
-  tc_reader_init(&r, body, sizeof body, false);
+  if (!take_body(in, body, sizeof body, &r, error)) return false;
   for (int i = 0; i < 6; i++) {
     numbers[i] = tc_reader_f64(&r);
     const bool good = i < 3 ? fabs(numbers[i]) <= 1e10 : numbers[i] >= 0 && numbers[i] <= UINT32_MAX;
@@ -382,9 +382,8 @@ static bool take_segment(const tc_wire_reader *in, filling *f, GError **error) {
   uint8_t body[TC_WIRE_SEGMENT_BYTES];
   tc_segment s = {0};
   tc_reader r;
-  if (!in->read(in->user, body, sizeof body, error)) return false;
+  if (!take_body(in, body, sizeof body, &r, error)) return false;
   if (!f->volume) return broken(error, "a segment out of place");
-  tc_reader_init(&r, body, sizeof body, false);
   s.label = tc_reader_u32(&r);
   s.of[0] = tc_reader_u32(&r);
   s.of[1] = tc_reader_u32(&r);
@@ -454,10 +453,9 @@ tc_mesh *tc_wire_load_mesh(const tc_wire_reader *in, tc_mesh_file *source, GErro
 static bool take_series(const tc_wire_reader *in, GArray *list, GError **error) {
   uint8_t body[TC_WIRE_SERIES_BYTES];
   tc_series series = {0};
-  if (!in->read(in->user, body, sizeof body, error)) return false;
-  if (list->len >= TC_WIRE_SERIES_MAX) return broken(error, "too many series");
   tc_reader r;
-  tc_reader_init(&r, body, sizeof body, false);
+  if (!take_body(in, body, sizeof body, &r, error)) return false;
+  if (list->len >= TC_WIRE_SERIES_MAX) return broken(error, "too many series");
   take_text(&r, series.uid, sizeof series.uid);
   take_text(&r, series.modality, sizeof series.modality);
   take_text(&r, series.label, sizeof series.label);

@@ -79,9 +79,12 @@ static void begin(void) {
   atexit(end_daemon);
 }
 
-static void insist(bool holds) {
-  if (!holds) __builtin_trap();
-}
+#define insist(holds)                                                    \
+  do {                                                                   \
+    if (holds) break;                                                    \
+    fprintf(stderr, "%s:%d: not so: %s\n", __FILE__, __LINE__, #holds);  \
+    __builtin_trap();                                                    \
+  } while (0)
 
 static int tasks_due(void) { return atomic_load(&server->completions->due); }
 
@@ -132,19 +135,22 @@ static int connect_to_daemon(void) {
 /* --- before and after an input ------------------------------------------------------------------------- */
 
 static tcs_entry *volume(void) { return tcs_catalogue_find(server->catalogue, TCS_KIND_VOLUME, "v"); }
-static bool volume_resident(void) { return volume()->state == TCS_RESIDENT; }
+static bool volume_loaded(void) { return volume()->state != TCS_LOADING; }
 
 static tcs_session *session; /* of the input, and of the next one where nothing became of it */
 
-/* A session, on a volume that is loaded again where an input has removed it. */
-static void make_session(void) {
+static void load_volume(void) {
   GError *error = NULL;
   tcs_source_file source = {.path = g_strdup(volume_path), .name = "v", .operators = true};
-  if (volume())
-    g_free(source.path);
-  else
-    insist(tcs_catalogue_load(server->catalogue, TCS_KIND_VOLUME, "v", &source, &error));
-  turn_until(volume_resident);
+  insist(tcs_catalogue_load(server->catalogue, TCS_KIND_VOLUME, "v", &source, &error));
+}
+
+/* A session, on a volume that is loaded again where an input has removed it, or a decoder got no processor within its
+ * second. */
+static void make_session(void) {
+  GError *error = NULL;
+  if (!volume()) load_volume();
+  for (turn_until(volume_loaded); volume()->state == TCS_FAILED; turn_until(volume_loaded)) load_volume();
   if (session) return;
   cJSON *patch = cJSON_Parse("{\"image\":{\"width\":16,\"height\":16}}");
   session = tcs_sessions_create(server->sessions, volume(), patch, NULL, "fuzz", &error);
