@@ -62,6 +62,25 @@ test('uploaded meshes are measured against their triangles, in light of several 
   }
 });
 
+test('surfaces are measured in depth and outline where a ray is a pixel', async () => {
+  const scene = { mode: 'mesh', errorMeter: { pixels: 2000 } };
+  const measure = async (rest) => {
+    const { ws } = await open({ ...scene, ...rest });
+    const { header } = await measured(ws, 0);
+    assert.deepEqual(validate(header, api.components.schemas.FrameHeader, api), []);
+    await ws.close();
+    return header.error;
+  };
+  const most = [[{ mesh: 'leaf' }, 1e-4], [{ value: 150 }, 2]]; // mm: its triangles are the truth; a ball of steps within its voxels
+  for (const [surface, bound] of most) {
+    const error = await measure({ mesh: { surfaces: [surface] } });
+    assert.ok(error.depthRms > 0 && error.depthRms <= error.depthMax && error.depthRms < bound, JSON.stringify(error));
+    assert.ok(error.outline <= 0.01, JSON.stringify(error));
+  }
+  const error = await measure({ mesh: { surfaces: [{ mesh: 'leaf' }] }, sampling: { raysPerPixel: 4 } });
+  assert.equal(error.depthRms, undefined, 'the depth of such a pixel is that of several rays');
+});
+
 test('a frame that is asked for by itself is measured where nobody looks on', async () => {
   const session = await d.session({ errorMeter: { pixels: 64 }, image: { width: 64, height: 64 } });
   const frame = (query = '') => d.get(`${session.links.frame}${query}`);
