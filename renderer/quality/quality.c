@@ -490,22 +490,22 @@ static bool close_in(bench *b, double goal, int rung, tc_quality_curve *found, G
   return true;
 }
 
-static bool find_curves(bench *b, const tc_scene *scene, const tc_quality_model *model, const tc_quality_cost *cost,
-                        tc_quality_view *view, GError **error) {
+static bool find_curves(bench *b, const tc_quality_subject *of, tc_quality_view *view, GError **error) {
+  const tc_scene *scene = of->scene;
   bool timed = is_timed(scene);
   double goal = timed ? 0 : scene->quality.max_error / NEAR_MARGIN, spacing = 1;
   tc_quality_model own = {.n = 1};
-  bool near = any_near(model, &scene->camera);
+  bool near = any_near(of->model, &scene->camera);
   const double pixels = tc_estimate_pixels(b->volume, scene, scene->image.width, scene->image.height);
-  if (model->n || timed) spacing = best_of(model, cost, scene, pixels, near, TC_QUALITY_FIRST).spacing;
+  if (of->model->n || timed) spacing = best_of(of->model, of->cost, scene, pixels, near, TC_QUALITY_FIRST).spacing;
   b->scene.classification = with_method(scene, TC_QUALITY_FIRST).classification;
   if (!close_in(b, goal, clamp_rung(rung_below(spacing)), &view->of[TC_QUALITY_FIRST], error)) return false;
   if (!has_methods(scene)) return true;
   own.views[0] = *view;
-  option first = best_of(&own, cost, scene, pixels, false, TC_QUALITY_FIRST);
-  if (first.holds && first.spacing * cost->second >= SECOND_CELLS) return true;
+  option first = best_of(&own, of->cost, scene, pixels, false, TC_QUALITY_FIRST);
+  if (first.holds && first.spacing * of->cost->second >= SECOND_CELLS) return true;
   b->scene.classification = TC_PREINTEGRATED2;
-  return close_in(b, goal, clamp_rung(rung_below(first.spacing * cost->second)), &view->of[TC_QUALITY_SECOND], error);
+  return close_in(b, goal, clamp_rung(rung_below(first.spacing * of->cost->second)), &view->of[TC_QUALITY_SECOND], error);
 }
 
 /* The measured picture has the scene's aspect and about RAYS rays. The rays of a pixel lie as close together as in a
@@ -518,22 +518,20 @@ static void size_bench(bench *b, const tc_scene *scene) {
   b->share = fmin(1, (double)b->height / scene->image.height);
 }
 
-bool tc_quality_measure(tc_renderer *renderer, tc_volume *volume, tc_volume *labels, const tc_scene *scene,
-                        const tc_camera *camera, const tc_quality_model *model, const tc_quality_cost *cost,
-                        const tc_interrupt *interrupt, tc_quality_view *view, GError **error) {
-  bench b = {.renderer = renderer, .volume = volume, .labels = labels, .scene = *scene, .interrupt = interrupt};
-  size_bench(&b, scene);
-  b.scene.camera = *camera;
-  b.scene.sampling.termination = termination_for(scene->quality.max_error);
+bool tc_quality_measure(tc_renderer *renderer, const tc_quality_subject *of, tc_quality_view *view, GError **error) {
+  bench b = {renderer, of->volume, of->labels, .scene = *of->scene, .interrupt = of->interrupt};
+  size_bench(&b, of->scene);
+  b.scene.camera = *of->camera;
+  b.scene.sampling.termination = termination_for(of->scene->quality.max_error);
   b.scene.quality.max_error = b.scene.quality.max_ms = 0;
   b.scene.error_meter.pixels = 0;
-  *view = (tc_quality_view){.camera = *camera};
+  *view = (tc_quality_view){.camera = *of->camera};
   size_t pixels = (size_t)b.width * (size_t)b.height;
   b.wanted = malloc(pixels * 4 * sizeof *b.wanted);
   b.squares = malloc(pixels * sizeof *b.squares);
   bool good = b.wanted && b.squares;
   if (!good) tc_set_error(error, TC_ERROR_MEMORY, NULL, "quality: out of memory");
-  good = good && integrate(&b, error) && find_curves(&b, scene, model, cost, view, error);
+  good = good && integrate(&b, error) && find_curves(&b, of, view, error);
   free(b.wanted);
   free(b.squares);
   tc_frame_finish(&b.frame);

@@ -94,13 +94,18 @@ void tc_quality_apply(const tc_quality_choice *choice, tc_scene *scene);
  * known. */
 bool tc_quality_wants(const tc_quality_model *model, const tc_scene *scene, tc_camera *camera);
 
-/* Measures one view of the scene as seen by `camera`, rendering with `renderer` (not the one that serves frames: this
- * takes tens to hundreds of milliseconds, on one thread). labels: as in tc_meter_subject. `model` and
- * `cost` say where to begin. TC_ERROR_CANCELLED when the interrupt (may be NULL) asks;
- * it does not pause. */
-bool tc_quality_measure(tc_renderer *renderer, tc_volume *volume, tc_volume *labels, const tc_scene *scene,
-                        const tc_camera *camera, const tc_quality_model *model, const tc_quality_cost *cost,
-                        const tc_interrupt *interrupt, tc_quality_view *view, GError **error);
+typedef struct tc_quality_subject {
+  tc_volume *volume, *labels; /* labels: as in tc_meter_subject */
+  const tc_scene *scene;
+  const tc_camera *camera; /* instead of the scene's */
+  const tc_quality_model *model;
+  const tc_quality_cost *cost;   /* with the model: where to begin */
+  const tc_interrupt *interrupt; /* NULL: never */
+} tc_quality_subject;
+
+/* Measures one view of the scene, rendering with `renderer` (not the one that serves frames: this takes tens to hundreds
+ * of milliseconds, on one thread). TC_ERROR_CANCELLED when the interrupt asks; it does not pause. */
+bool tc_quality_measure(tc_renderer *renderer, const tc_quality_subject *of, tc_quality_view *view, GError **error);
 void tc_quality_add(tc_quality_model *model, const tc_quality_view *view);
 
 /* How unlike two cameras are: radians of the view, logarithm of the scale, shift in half heights, all added. */

@@ -245,8 +245,8 @@ static bool choose_sampling(job *j, GError **error) {
   }
   if (timed && !time_frames(j, &cost, error)) return false;
   if (tc_quality_measures(&cost, s)) {
-    if (!tc_quality_measure(j->renderer, j->volume, j->labels, s, &s->camera, &model, &cost, NULL, &view, error))
-      return false;
+    const tc_quality_subject of = {j->volume, j->labels, s, &s->camera, &model, &cost, NULL};
+    if (!tc_quality_measure(j->renderer, &of, &view, error)) return false;
     tc_quality_add(&model, &view);
   }
   tc_quality_choose(&model, &cost, s, tc_estimate_pixels(j->volume, s, s->image.width, s->image.height), &choice);

@@ -198,9 +198,8 @@ static void run(tcs_task *task) {
   }
   const tc_renderer_options options = {.backend = TC_BACKEND_CPU, .threads = 1, .cache_bytes = CACHE_BYTES};
   if (!q->renderer) q->renderer = tc_renderer_new(&options, &m->error);
-  if (q->renderer)
-    tc_quality_measure(q->renderer, m->volume, m->labels, &m->scene, &m->camera, &m->model, &m->cost, m->interrupt,
-                       &m->view, &m->error);
+  const tc_quality_subject of = {m->volume, m->labels, &m->scene, &m->camera, &m->model, &m->cost, m->interrupt};
+  if (q->renderer) tc_quality_measure(q->renderer, &of, &m->view, &m->error);
 }
 
 static void submit_waiting(tcs_quality *q, tcs_job *job) {

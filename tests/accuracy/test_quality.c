@@ -223,8 +223,8 @@ static double time_ratio(path *p, const setting *chosen_ones, setting fixed) {
 static void measure(path *p, tc_quality_model *m, const tc_camera *camera) {
   GError *error = NULL;
   tc_quality_view view;
-  if (!tc_quality_measure(renderer, p->volume, p->labels, &p->scene, camera, m, &cost_model, NULL, &view, &error))
-    fail_msg("%s", error->message);
+  const tc_quality_subject of = {p->volume, p->labels, &p->scene, camera, m, &cost_model, NULL};
+  if (!tc_quality_measure(renderer, &of, &view, &error)) fail_msg("%s", error->message);
   tc_quality_add(m, &view);
 }
 
