@@ -84,14 +84,12 @@ void tc_quality_cost_add(tc_quality_cost *c, const tc_scene *scene, double pixel
   c->xy = c->xy * kept + w * x * y;
 }
 
-void tc_quality_pace_add(tc_quality_pace *pace, const tc_quality_cost *cost, const tc_scene *scene, double pixels,
-                         double ms, bool moving, uint64_t revision) {
-  const double was = tc_quality_cost_ms(cost, scene, pixels);
-  if (!(was > 0) || !(ms > 0)) return;
+void tc_quality_pace_add(tc_quality_pace *pace, double slower, bool moving, uint64_t revision) {
+  if (!(slower > 0) || isinf(slower)) return;
   if (moving)
-    pace->slower = ms / was, pace->revision = revision;
+    pace->slower = slower, pace->revision = revision;
   else if (pace->followed)
-    pace->final *= pow(ms / was, PACE_WEIGHT);
+    pace->final *= pow(slower, PACE_WEIGHT);
   pace->followed = false;
 }
 

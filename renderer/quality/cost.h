@@ -43,9 +43,9 @@ typedef struct tc_quality_pace {
   bool followed;     /* the newest final frame was foretold so */
 } tc_quality_pace;
 
-/* Takes in a frame before the cost of final frames does. */
-void tc_quality_pace_add(tc_quality_pace *pace, const tc_quality_cost *cost, const tc_scene *scene, double pixels,
-                         double ms, bool moving, uint64_t revision);
+/* Takes in a frame before the cost of final frames does. slower: its time over tc_quality_cost_ms() of final frames;
+ * nothing where that was not known. */
+void tc_quality_pace_add(tc_quality_pace *pace, double slower, bool moving, uint64_t revision);
 /* Before a final frame: its cost follows the frame in motion of that revision, if there was one. */
 void tc_quality_pace_follow(tc_quality_pace *pace, tc_quality_cost *cost, uint64_t revision);
 

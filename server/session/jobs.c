@@ -60,8 +60,8 @@ static void finished(tcs_job *job) {
       tcs_ladder_measure(&view->ladders[job->scene.mode], job->samples, job->stats.render_ms);
     session->build_ms += BUILD_WEIGHT * (job->stats.tables_ms + job->stats.skip_ms - session->build_ms);
     const double pixels = tc_estimate_pixels(job->volume, &job->scene, job->out_width, job->out_height);
-    tc_quality_pace_add(&session->pace, session->cost, &job->scene, pixels, job->stats.render_ms, job->moving,
-                        job->revision);
+    const double slower = job->stats.render_ms / tc_quality_cost_ms(session->cost, &job->scene, pixels);
+    tc_quality_pace_add(&session->pace, slower, job->moving, job->revision);
     tc_quality_cost_add(&session->cost[tcs_quality_lit_in_motion(&job->scene, job->moving)], &job->scene, pixels,
                         job->stats.render_ms);
   }

@@ -236,12 +236,12 @@ TEST_WITH(a_frame_in_motion_foretells_the_final_one, set_up, tear_down) {
   for (int i = 0; i < 24; i++) {
     const double times = i % 3 ? 1 : 1.8, final = at(0.5, 1e5) * times, moving = at(1, 3e4) * times / 2;
     scene.sampling.step = 1;
-    tc_quality_pace_add(&pace, &cost, &scene, 3e4, moving, true, (uint64_t)i);
+    tc_quality_pace_add(&pace, moving / tc_quality_cost_ms(&cost, &scene, 3e4), true, (uint64_t)i);
     tc_quality_pace_follow(&pace, &cost, (uint64_t)i + 1); /* of another scene: nothing */
     tc_quality_pace_follow(&pace, &cost, (uint64_t)i);
     const double foretold = said(&cost, 1e5, 0.5);
     if (i > 15) assert_float_equal(foretold, final, 0.02 * final);
-    tc_quality_pace_add(&pace, &cost, &scene, 1e5, final, false, (uint64_t)i);
+    tc_quality_pace_add(&pace, final / tc_quality_cost_ms(&cost, &scene, 1e5), false, (uint64_t)i);
     tc_quality_cost_add(&cost, &scene, 1e5, final);
   }
 }
