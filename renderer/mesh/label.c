@@ -123,25 +123,33 @@ static int16_t *row_of(const smoothing *s, int y, int z) {
   return s->field + ((size_t)z * (size_t)s->dims[1] + (size_t)y) * (size_t)s->dims[0];
 }
 
-/* `rows` of `width` voxels, `step` apart, put end to end with `margin` voxels of `beyond` before and after. Filters
- * read them by taps that lie `tap` voxels apart: 1 goes along a row, `width` across the rows. */
-static void copy_rows(const int16_t *first, size_t step, int rows, int width, size_t margin, int16_t beyond,
-                      int16_t *copy) {
-  const size_t n = (size_t)rows * (size_t)width;
-  for (size_t i = 0; i < margin; i++) copy[i] = copy[margin + n + i] = beyond;
-  for (int i = 0; i < rows; i++)
-    memcpy(copy + margin + (size_t)i * (size_t)width, first + (size_t)i * step, (size_t)width * sizeof *copy);
+typedef struct lines {
+  int16_t *first; /* n rows of `width` voxels, `step` apart */
+  size_t step;
+  int n, width;
+  int tap;       /* voxels between what a filter reads of a copy: 1 goes along a row, `width` across the rows */
+  int16_t *copy; /* room for the rows end to end and a margin on either side */
+} lines;
+
+/* margin: voxels of `beyond` before and after. */
+static void copy_lines(const lines *l, size_t margin, int16_t beyond) {
+  const size_t n = (size_t)l->n * (size_t)l->width;
+  for (size_t i = 0; i < margin; i++) l->copy[i] = l->copy[margin + n + i] = beyond;
+  for (int i = 0; i < l->n; i++)
+    memcpy(l->copy + margin + (size_t)i * (size_t)l->width, l->first + (size_t)i * l->step,
+           (size_t)l->width * sizeof *l->copy);
 }
 
 /* Smooths rows; beyond the ends is nothing. */
-static void filter(int16_t *first, size_t step, int rows, int width, int tap, int16_t *copy) {
-  copy_rows(first, step, rows, width, RADIUS * (size_t)tap, 0, copy);
-  for (int i = 0; i < rows; i++) {
-    const int16_t *in = copy + (size_t)i * (size_t)width;
-    int16_t *out = first + (size_t)i * step;
-    for (int x = 0; x < width; x++) {
+static void filter(const lines *l) {
+  const size_t tap = (size_t)l->tap;
+  copy_lines(l, RADIUS * tap, 0);
+  for (int i = 0; i < l->n; i++) {
+    const int16_t *in = l->copy + (size_t)i * (size_t)l->width;
+    int16_t *out = l->first + (size_t)i * l->step;
+    for (int x = 0; x < l->width; x++) {
       int32_t sum = 2048;
-      for (int k = 0; k <= 2 * RADIUS; k++) sum += weights[k] * in[(size_t)x + (size_t)k * (size_t)tap];
+      for (int k = 0; k <= 2 * RADIUS; k++) sum += weights[k] * in[(size_t)x + (size_t)k * tap];
       out[x] = (int16_t)(sum >> 12);
     }
   }
@@ -165,31 +173,42 @@ static void measure_strip(const int16_t *in, int tap, const int cost[], int16_t 
 
 /* Signed squared distances to the nearest voxel of the other side: from those in the volume without this axis to those
  * with it. Beyond the ends nothing is of the label. */
-static void measure(int16_t *first, size_t step, int rows, int width, int tap, int16_t *copy, const int cost[]) {
-  copy_rows(first, step, rows, width, REACH * (size_t)tap, -FAR, copy);
-  for (int i = 0; i < rows; i++)
-    for (int x = 0; x < width; x += STRIP)
-      measure_strip(copy + (size_t)i * (size_t)width + (size_t)x, tap, cost, first + (size_t)i * step + x,
-                    MIN(STRIP, width - x));
+static void measure(const lines *l, const int cost[]) {
+  copy_lines(l, REACH * (size_t)l->tap, -FAR);
+  for (int i = 0; i < l->n; i++)
+    for (int x = 0; x < l->width; x += STRIP)
+      measure_strip(l->copy + (size_t)i * (size_t)l->width + (size_t)x, l->tap, cost,
+                    l->first + (size_t)i * l->step + x, MIN(STRIP, l->width - x));
+}
+
+/* Those along x at (y, z), those across y at z, those across z at y. */
+static lines along_x(const smoothing *s, int y, int z, int16_t *copy) {
+  return (lines){row_of(s, y, z), 0, 1, s->dims[0], 1, copy};
+}
+static lines across_y(const smoothing *s, int z, int16_t *copy) {
+  return (lines){row_of(s, 0, z), (size_t)s->dims[0], s->dims[1], s->dims[0], s->dims[0], copy};
+}
+static lines across_z(const smoothing *s, int y, int16_t *copy) {
+  const size_t plane = (size_t)s->dims[0] * (size_t)s->dims[1];
+  return (lines){row_of(s, y, 0), plane, s->dims[2], s->dims[0], s->dims[0], copy};
 }
 
 static void measure_plane(void *context, int z, int worker) {
   const smoothing *s = context;
-  int16_t *copy = s->lines[worker];
+  const lines across = across_y(s, z, s->lines[worker]);
   for (int y = 0; y < s->dims[1]; y++) {
-    int16_t *row = row_of(s, y, z);
-    for (int x = 0; x < s->dims[0]; x++) row[x] = is_label(s, x, y, z) ? FAR : -FAR;
-    if (s->cost[0][0]) measure(row, 0, 1, s->dims[0], 1, copy, s->cost[0]);
+    const lines along = along_x(s, y, z, s->lines[worker]);
+    for (int x = 0; x < s->dims[0]; x++) along.first[x] = is_label(s, x, y, z) ? FAR : -FAR;
+    if (s->cost[0][0]) measure(&along, s->cost[0]);
   }
-  if (s->cost[1][0]) measure(row_of(s, 0, z), (size_t)s->dims[0], s->dims[1], s->dims[0], s->dims[0], copy, s->cost[1]);
+  if (s->cost[1][0]) measure(&across, s->cost[1]);
 }
 
 /* Distances along z, no longer squared, and smoothed along z unless slices lie too far apart for that as well. */
 static void finish_slab(void *context, int y, int worker) {
   const smoothing *s = context;
-  const size_t step = (size_t)s->dims[0] * (size_t)s->dims[1];
-  int16_t *first = row_of(s, y, 0), *copy = s->lines[worker];
-  if (s->cost[2][0]) measure(first, step, s->dims[2], s->dims[0], s->dims[0], copy, s->cost[2]);
+  const lines across = across_z(s, y, s->lines[worker]);
+  if (s->cost[2][0]) measure(&across, s->cost[2]);
   for (int z = 0; z < s->dims[2]; z++) {
     int16_t *row = row_of(s, y, z);
     for (int x = 0; x < s->dims[0]; x++) {
@@ -197,15 +216,19 @@ static void finish_slab(void *context, int y, int worker) {
       row[x] = (int16_t)(row[x] > 0 ? distance : -distance);
     }
   }
-  if (s->cost[2][0]) filter(first, step, s->dims[2], s->dims[0], s->dims[0], copy);
+  if (s->cost[2][0]) filter(&across);
 }
 
 /* At last each voxel that smoothing took over to the other side is mirrored back, so that nothing thin is lost and no
  * gap is closed. */
 static void smooth_plane(void *context, int z, int worker) {
   const smoothing *s = context;
-  for (int y = 0; y < s->dims[1] && s->cost[0][0]; y++) filter(row_of(s, y, z), 0, 1, s->dims[0], 1, s->lines[worker]);
-  if (s->cost[1][0]) filter(row_of(s, 0, z), (size_t)s->dims[0], s->dims[1], s->dims[0], s->dims[0], s->lines[worker]);
+  const lines across = across_y(s, z, s->lines[worker]);
+  for (int y = 0; y < s->dims[1] && s->cost[0][0]; y++) {
+    const lines along = along_x(s, y, z, s->lines[worker]);
+    filter(&along);
+  }
+  if (s->cost[1][0]) filter(&across);
   for (int y = 0; y < s->dims[1]; y++) {
     int16_t *row = row_of(s, y, z);
     for (int x = 0; x < s->dims[0]; x++) {
