@@ -15,6 +15,7 @@
 #include "renderer/base/error.h"
 #include "renderer/import/import.h"
 #include "renderer/base/interrupt.h"
+#include "renderer/base/ledger.h"
 #include "renderer/plan/estimate.h"
 #include "renderer/plan/explain.h"
 #include "renderer/plan/plan.h"
@@ -33,6 +34,8 @@ typedef struct tc_renderer_options {
   int threads;          /* CPU workers; 0 = one per online core */
   const char *isa;      /* "scalar" "avx2" "avx512-gather" "avx512"; NULL = the fastest here (raycast/cpu/isa.h) */
   uint64_t cache_bytes; /* budget of tables and other shared resources; 0 = 256 MiB */
+  const tc_ledger *ledger; /* is asked for these, and outlives the renderer: what a frame needs may exceed cache_bytes, but not
+                              what the ledger has (TC_ERROR_MEMORY). NULL: no bound */
   tc_table_builder tables; /* for tests and measurements */
   bool levels;          /* make levels of detail of large meshes, on another thread, after a frame at rest drew all triangles */
 } tc_renderer_options;
@@ -99,6 +102,9 @@ typedef struct tc_render_request {
   tc_explanation *explanation; /* says of a finished frame what was drawn and why, with the milliseconds and bytes of each
                                   stage; may be NULL */
   tc_building *building;      /* shows other threads which resource is being built; may be NULL */
+  const tc_ledger *ledger;    /* is asked for the layers of translucent surfaces, a number that only drawing tells, before their
+                                 allocation. What a paused or finished frame keeps of them, tc_frame_bytes() counts: the caller
+                                 takes all back when the call returns. NULL: no bound */
   /* Resumes a frame that ended with TC_ERROR_PAUSED. Volume, scene, request (but for the interrupt) and tc_frame have to be
    * the same. Finished pixels are kept, stats go on counting (a ray that is cast again counts again), and the picture equals
    * an uninterrupted one to the last bit. A frame that was not paused is drawn from the start. */

@@ -55,7 +55,7 @@ typedef struct tc_frame_job {
   double pixel_samples; /* upper bound of the samples of one pixel (tc_estimate_samples()); 0: unknown */
   const char *isa; /* instruction set of the cpu back end, where the cpu draws */
   const float (*spans)[2]; /* [frame's height][width]: rays are cast between these, mm from the eye; NULL: whole ones */
-  uint64_t spare_bytes; /* memory that drawing may use beside the frame's buffers */
+  const tc_ledger *ledger; /* of memory that drawing takes beside the frame's buffers; NULL: no bound */
   bool want_linear;
   bool forward; /* as in tc_render_request */
   tc_frame *frame; /* width, height and buffers are set; render() fills stats.samples and .rays and adds to .tables_ms */

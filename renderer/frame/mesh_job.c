@@ -193,7 +193,7 @@ bool tc_mesh_job_begin(tc_mesh_job *m, const tc_frame_job *job, GError **error) 
                               .surfaces = m->surfaces,
                               .channels = m->raster.channels,
                               .levels = m->levels,
-                              .spare_bytes = job->spare_bytes / 2, /* the rest: for what mesh_within.c keeps of them */
+                              .ledger = job->ledger,
                               .texture = grey_at,
                               .texture_user = m,
                               .n_samples = job->rays->count,

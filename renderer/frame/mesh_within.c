@@ -51,26 +51,22 @@ static void begin_pixel(within *w, size_t p) {
   w->span[p][0] = 0, w->span[p][1] = INFINITY;
 }
 
-/* As many as the frame's memory holds, too. */
-static uint32_t most_layers(const within *w) {
-  const uint64_t room = w->job->spare_bytes / 2 / sizeof *w->found;
-  return room < tc_mesh_most_layers ? (uint32_t)room : tc_mesh_most_layers;
-}
-
 static bool make_room(within *w, uint32_t n) {
-  const uint64_t doubled = 2 * (uint64_t)w->found_room, most = most_layers(w);
+  if (n <= w->found_room) return true;
+  const uint64_t doubled = 2 * (uint64_t)w->found_room, most = tc_mesh_most_layers;
   const uint64_t room = n > doubled ? n : doubled < most ? doubled : most;
-  tc_raster_seen *found = n > w->found_room ? realloc(w->found, room * sizeof *found) : w->found;
-  if (found && n > w->found_room) w->found = found, w->found_room = (uint32_t)room;
-  if (!found && n) atomic_store(&w->no_memory, true);
-  return found || !n;
+  const bool fits = tc_ledger_take(w->job->ledger, (room - w->found_room) * sizeof *w->found);
+  tc_raster_seen *found = fits ? realloc(w->found, room * sizeof *found) : NULL;
+  if (found) w->found = found, w->found_room = (uint32_t)room;
+  if (!found) atomic_store(&w->no_memory, true);
+  return found != NULL;
 }
 
 /* False: it is not appended. */
 static bool append(within *w, const tc_raster_picture *p, uint32_t *first) {
   pthread_mutex_lock(&w->lock);
   *first = w->n_found;
-  const bool few = p->n_seen <= most_layers(w) && w->n_found <= most_layers(w) - p->n_seen;
+  const bool few = p->n_seen <= tc_mesh_most_layers && w->n_found <= tc_mesh_most_layers - p->n_seen;
   const bool fits = few && make_room(w, w->n_found + (uint32_t)p->n_seen);
   if (!few) atomic_store(&w->too_many, true);
   if (fits && p->n_seen) memcpy(w->found + w->n_found, p->seen, p->n_seen * sizeof *p->seen), w->n_found += (uint32_t)p->n_seen;
@@ -116,7 +112,7 @@ static bool find_layers(within *w, const tc_mesh_job *mesh, int ray, GError **er
   else
     tc_set_error(error, TC_ERROR_LIMIT, "/mesh/surfaces",
                  "surfaces in a volume: more than %u layers in the picture; show fewer surfaces, or a smaller picture",
-                 most_layers(w));
+                 tc_mesh_most_layers);
   return false;
 }
 

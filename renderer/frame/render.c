@@ -52,7 +52,7 @@ tc_renderer *tc_renderer_new(const tc_renderer_options *options, GError **error)
   r->pool = tc_pool_new(options->threads, error);
   r->cache_bytes = options->cache_bytes ? options->cache_bytes : DEFAULT_CACHE_BYTES;
   r->levels = options->levels;
-  if (r->pool) r->resources = tc_resources_new(r->pool, r->cache_bytes, error);
+  if (r->pool) r->resources = tc_resources_new(r->pool, r->cache_bytes, options->ledger, error);
   if (r->resources) {
     r->ops = choose_backend(options->backend, r->why, sizeof r->why);
     r->instance = r->ops->create(options, r->pool, error);
@@ -325,7 +325,7 @@ static bool render_frame(drawing *d, const tc_render_request *request, GError **
   for (int i = 0; request->pixel_share > 0 && i < rays.count; i++)
     rays.of_pixel[i].x *= request->pixel_share, rays.of_pixel[i].y *= request->pixel_share;
   d->job.rays = &rays;
-  d->job.spare_bytes = tc_resources_spare(resources);
+  d->job.ledger = request->ledger;
   if (tc_resources_steps(resources) != steps && tc_halt_between(d->job.halt)) /* its time went into building */
     return tc_halt_say(d->job.halt, error);
   const double start = tc_now_ms(), tables_ms = d->stats->tables_ms;
@@ -406,8 +406,6 @@ void tc_renderer_forget_mesh(tc_renderer *renderer, uint64_t mesh_serial) {
 
 uint64_t tc_renderer_cached(const tc_renderer *renderer) { return tc_resources_held(renderer->resources); }
 
-void tc_renderer_limit_cache(tc_renderer *renderer, uint64_t most_bytes) {
-  tc_resources_limit(renderer->resources, most_bytes);
+void tc_renderer_trim_cache(tc_renderer *renderer, uint64_t most_bytes) {
+  tc_resources_trim(renderer->resources, most_bytes);
 }
-
-uint64_t tc_renderer_wanted(tc_renderer *renderer) { return tc_resources_wanted(renderer->resources); }

@@ -55,7 +55,7 @@ static bool coefficients_go_on(void *thing, const tc_making *m, GError **error) 
 
 static void *coefficients_finish(void *thing) { return tc_coefficients_take(thing); }
 static int64_t coefficients_steps(const void *thing) { return tc_coefficients_steps(thing); }
-static size_t coefficients_start_with(const tc_frame_job *job) { return (size_t)tc_coefficients_bytes(job->source); }
+static size_t coefficients_unfinished(const void *thing) { return (size_t)tc_coefficients_held(thing); }
 static size_t coefficients_bytes(const void *thing) { return (size_t)tc_volume_bytes(thing); }
 
 /* ---- tables ---- */
@@ -304,7 +304,7 @@ static bool mesh_go_on(void *thing, const tc_making *m, GError **error) {
 
 static void *mesh_finish(void *thing) { return tc_surfaces_take(thing); }
 static int64_t mesh_steps(const void *thing) { return tc_surfaces_steps(thing); }
-static size_t mesh_starts_with(const tc_frame_job *job) { return 0; }
+static size_t mesh_unfinished(const void *thing) { return tc_surfaces_held(thing); }
 
 static void free_clusters(void *thing) {
   tc_clusters *c = thing;
@@ -424,7 +424,7 @@ const tc_resource_kind tc_resource_kinds[TC_RESOURCE_COUNT] = {
                                   .go_on = coefficients_go_on,
                                   .finish = coefficients_finish,
                                   .steps = coefficients_steps,
-                                  .starts_with = coefficients_start_with,
+                                  .unfinished_held = coefficients_unfinished,
                                   .bytes = coefficients_bytes},
     [TC_RESOURCE_TABLE] = {.store = {"transfer function", free_table, NULL, false, MOST_ONCE},
                            .needs = FIELD,
@@ -499,7 +499,7 @@ const tc_resource_kind tc_resource_kinds[TC_RESOURCE_COUNT] = {
                           .go_on = mesh_go_on,
                           .finish = mesh_finish,
                           .steps = mesh_steps,
-                          .starts_with = mesh_starts_with,
+                          .unfinished_held = mesh_unfinished,
                           .is_like = mesh_is_like,
                           .refines = mesh_refines,
                           .refine = mesh_refine,

@@ -27,8 +27,8 @@ typedef struct tc_resource_kind {
   bool (*is_whole)(const void *thing, const tc_frame_job *job); /* NULL: complete once go_on() says so */
   void *(*finish)(void *thing);                   /* turns a complete build into the resource that is kept; NULL: the same */
   int64_t (*steps)(const void *thing);            /* progress of an unfinished build; NULL: built in one step */
-  size_t (*starts_with)(const tc_frame_job *job); /* bytes that begin() allocates; NULL: held() */
-  size_t (*grows)(const void *thing);             /* bytes that go_on() will allocate, reserved before; NULL: none */
+  size_t (*unfinished_held)(const void *thing);   /* bytes an unfinished build has allocated; NULL: as held() */
+  size_t (*grows)(const void *thing);             /* bytes that go_on() may allocate, reserved before; NULL: not known */
   bool (*is_like)(const void *thing, const void *job); /* whether a build can start from it; NULL: never */
   size_t (*held)(const void *thing);              /* bytes allocated now; NULL: bytes() */
   size_t (*bytes)(const void *thing);             /* bytes that frames read */

@@ -12,14 +12,14 @@ struct tc_resources {
   int64_t steps; /* tc_resources_steps() */
 };
 
-tc_resources *tc_resources_new(tc_pool *pool, uint64_t budget_bytes, GError **error) {
+tc_resources *tc_resources_new(tc_pool *pool, uint64_t budget_bytes, const tc_ledger *ledger, GError **error) {
   tc_resources *r = calloc(1, sizeof *r);
   if (!r) {
     tc_set_error(error, TC_ERROR_MEMORY, NULL, "renderer: out of memory");
     return NULL;
   }
   r->pool = pool;
-  r->store = tc_store_new(budget_bytes, error);
+  r->store = tc_store_new(budget_bytes, ledger, error);
   if (r->store) return r;
   free(r);
   return NULL;
@@ -33,8 +33,9 @@ void tc_resources_free(tc_resources *resources) {
 
 int64_t tc_resources_steps(const tc_resources *resources) { return resources->steps; }
 
-static size_t held(const tc_resource_kind *kind, const tc_stored *it) {
-  return kind->held ? kind->held(it->thing) : kind->bytes(it->thing);
+static size_t held(const tc_resource_kind *kind, const void *thing, bool unfinished) {
+  if (unfinished && kind->unfinished_held) return kind->unfinished_held(thing);
+  return kind->held ? kind->held(thing) : kind->bytes(thing);
 }
 
 static tc_making making(const tc_resources *r, const tc_resource_kind *kind, const tc_frame_job *job) {
@@ -56,24 +57,23 @@ static tc_stored *begin(tc_resources *r, const tc_resource_kind *kind, const tc_
   const tc_volume *tied = kind->tied ? kind->tied(job) : NULL;
   void *thing = kind->begin(&m, error);
   if (!thing) return NULL;
-  const size_t bytes = kind->starts_with ? kind->starts_with(job) : kind->held ? kind->held(thing) : kind->bytes(thing);
-  const tc_stored wanted = {.kind = &kind->store, .key = key->data, .key_size = key->len, .thing = thing, .bytes = bytes,
-                            .unfinished = kind->go_on != NULL, .volume = tied ? tc_volume_serial(tied) : 0};
+  const bool unfinished = kind->go_on != NULL;
+  const tc_stored wanted = {.kind = &kind->store, .key = key->data, .key_size = key->len, .thing = thing,
+                            .bytes = held(kind, thing, unfinished), .unfinished = unfinished, .volume = tied ? tc_volume_serial(tied) : 0};
   tc_stored *it = tc_store_add(r->store, &wanted, error);
   r->steps += it != NULL;
   return it;
 }
 
 static bool go_on(tc_resources *r, const tc_resource_kind *kind, const tc_frame_job *job, tc_stored *it, GError **error) {
-  if (kind->grows && !tc_store_may_grow(r->store, it, kind->grows(it->thing), error)) return false;
+  if (kind->grows && !tc_store_grow(r->store, it, kind->grows(it->thing), error)) return false;
   const tc_making m = making(r, kind, job);
   const int64_t steps = kind->steps(it->thing);
   it->unfinished = !kind->go_on(it->thing, &m, error);
   r->steps += kind->steps(it->thing) != steps;
-  if (it->unfinished) return false;
-  if (kind->finish) it->thing = kind->finish(it->thing);
-  if (held(kind, it) > it->bytes) tc_store_grow(r->store, it, held(kind, it) - it->bytes);
-  return true;
+  if (!it->unfinished && kind->finish) it->thing = kind->finish(it->thing);
+  tc_store_resize(r->store, it, held(kind, it->thing, it->unfinished));
+  return !it->unfinished;
 }
 
 static bool is_whole(const tc_resource_kind *kind, const tc_stored *it, const tc_frame_job *job) {
@@ -128,15 +128,9 @@ void tc_resources_refine(tc_resources *r, tc_resource which, const void *thing, 
   tc_stored *it = stored(r, which, thing);
   const size_t bytes = kind->refines(thing);
   if (bytes && !begin) return;
-  if (bytes && !tc_store_may_grow(r->store, it, bytes, NULL)) {
-    tc_store_wanted(r->store); /* nobody's: it does without */
-    return;
-  }
-  if (bytes) tc_store_grow(r->store, it, bytes);
+  if (bytes && !tc_store_grow(r->store, it, bytes, NULL)) return; /* it does without */
   if (!kind->refine(it->thing) && !kind->refines(thing)) return; /* still at work */
-  const size_t now = held(kind, it);
-  if (now > it->bytes) tc_store_grow(r->store, it, now - it->bytes);
-  tc_store_shrink(r->store, it, now);
+  tc_store_resize(r->store, it, held(kind, it->thing, false));
 }
 
 uint64_t tc_resources_forget(tc_resources *r, uint64_t volume_serial) {
@@ -160,7 +154,4 @@ void tc_resources_forget_mesh(tc_resources *r, uint64_t mesh_serial) {
 }
 
 uint64_t tc_resources_held(const tc_resources *r) { return tc_store_held(r->store); }
-
-uint64_t tc_resources_wanted(tc_resources *r) { return tc_store_wanted(r->store); }
-uint64_t tc_resources_spare(const tc_resources *r) { return tc_store_spare(r->store); }
-void tc_resources_limit(tc_resources *r, uint64_t most_bytes) { tc_store_limit(r->store, most_bytes); }
+void tc_resources_trim(tc_resources *r, uint64_t most_bytes) { tc_store_trim(r->store, most_bytes); }

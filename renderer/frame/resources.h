@@ -13,7 +13,7 @@
 
 typedef struct tc_resources tc_resources;
 
-tc_resources *tc_resources_new(tc_pool *pool, uint64_t budget_bytes, GError **error);
+tc_resources *tc_resources_new(tc_pool *pool, uint64_t budget_bytes, const tc_ledger *ledger, GError **error);
 void tc_resources_free(tc_resources *resources); /* NULL is fine */
 
 /* Finds the job's resource of this kind, or builds it from job->have and adds the milliseconds to *ms. ms NULL: finds only;
@@ -33,11 +33,8 @@ void tc_resources_refine(tc_resources *r, tc_resource which, const void *thing, 
 int64_t tc_resources_steps(const tc_resources *resources);
 
 uint64_t tc_resources_held(const tc_resources *r);
-uint64_t tc_resources_spare(const tc_resources *r); /* bytes left under the limit */
-/* A hard limit from now on, which also caps the budget. Drops least recently used resources over it. */
-void tc_resources_limit(tc_resources *r, uint64_t most_bytes);
-/* Bytes of the resource that did not fit under the limit, if the last failure was that; reading clears the number. */
-uint64_t tc_resources_wanted(tc_resources *r);
+/* Drops the least recently used until at most so many bytes are held. */
+void tc_resources_trim(tc_resources *r, uint64_t most_bytes);
 
 /* Drops the resources of a volume and of its coefficients; returns the serial of the coefficients (0: there were none). */
 uint64_t tc_resources_forget(tc_resources *r, uint64_t volume_serial);

@@ -4,18 +4,18 @@
 #include <string.h>
 
 struct tc_store {
-  uint64_t most, budget, held, clock; /* budget: `most`, or less where there is less */
-  uint64_t ceiling, wanted; /* what there is at all; bytes of the last thing that did not fit under it, 0 = none */
+  const tc_ledger *ledger;
+  uint64_t budget, held, clock;
   tc_stored **items;
   int count, capacity;
 };
 
-tc_store *tc_store_new(uint64_t budget_bytes, GError **error) {
+tc_store *tc_store_new(uint64_t budget_bytes, const tc_ledger *ledger, GError **error) {
   tc_store *s = calloc(1, sizeof *s);
   if (!s) tc_set_error(error, TC_ERROR_MEMORY, NULL, "renderer: out of memory");
   if (!s) return NULL;
-  s->most = s->budget = budget_bytes;
-  s->ceiling = UINT64_MAX;
+  s->budget = budget_bytes;
+  s->ledger = ledger;
   return s;
 }
 
@@ -23,10 +23,16 @@ static void free_thing(const tc_store_kind *kind, void *thing, bool unfinished) 
   if (thing) (unfinished && kind->abandon ? kind->abandon : kind->free)(thing);
 }
 
+/* Of memory that is there, or is gone. */
+static void count(tc_store *s, int64_t bytes) {
+  s->held += (uint64_t)bytes;
+  tc_ledger_count(s->ledger, bytes);
+}
+
 static void drop(tc_store *s, int i) {
   tc_stored *it = s->items[i];
   free_thing(it->kind, it->thing, it->unfinished);
-  s->held -= it->bytes;
+  count(s, -(int64_t)it->bytes);
   free(it->key);
   free(it);
   s->items[i] = s->items[--s->count];
@@ -40,17 +46,27 @@ void tc_store_free(tc_store *store) {
   free(store);
 }
 
-/* Makes the budget hold `bytes` more, oldest first; kind NULL: any. */
-static void make_room(tc_store *s, const tc_store_kind *kind, size_t bytes, const tc_stored *keep) {
-  while (s->held + bytes > s->budget) {
-    int oldest = -1;
-    for (int i = 0; i < s->count; i++)
-      if ((!kind || kind->displaces_all || s->items[i]->kind == kind) && s->items[i] != keep &&
-          (oldest < 0 || s->items[i]->last_use < s->items[oldest]->last_use))
-        oldest = i;
-    if (oldest < 0) break;
-    drop(s, oldest);
+/* Drops the least recently used for one of a kind; kind NULL: of all. False: there is none but `keep`. */
+static bool drop_oldest(tc_store *s, const tc_store_kind *kind, const tc_stored *keep) {
+  int oldest = -1;
+  for (int i = 0; i < s->count; i++)
+    if ((!kind || kind->displaces_all || s->items[i]->kind == kind) && s->items[i] != keep &&
+        (oldest < 0 || s->items[i]->last_use < s->items[oldest]->last_use))
+      oldest = i;
+  if (oldest >= 0) drop(s, oldest);
+  return oldest >= 0;
+}
+
+/* What a frame needs may exceed the budget, but not what the ledger has. */
+static bool reserve(tc_store *s, const tc_store_kind *kind, size_t bytes, const tc_stored *keep, GError **error) {
+  while (s->held + bytes > s->budget && drop_oldest(s, kind, keep)) {}
+  while (!tc_ledger_take(s->ledger, bytes)) {
+    if (drop_oldest(s, kind, keep)) continue;
+    tc_set_error(error, TC_ERROR_MEMORY, NULL, "%s: out of memory", kind->name);
+    return false;
   }
+  s->held += bytes;
+  return true;
 }
 
 /* Drops the oldest of those that were used once, where there are more than the kind keeps. */
@@ -83,25 +99,6 @@ tc_stored *tc_store_latest(const tc_store *s, const tc_store_kind *kind,
   return latest;
 }
 
-static bool fits(tc_store *s, size_t bytes) {
-  const bool under = bytes <= s->ceiling && s->held <= s->ceiling - bytes;
-  s->wanted = under ? 0 : bytes;
-  return under;
-}
-
-bool tc_store_may_grow(tc_store *s, const tc_stored *stored, size_t bytes, GError **error) {
-  if (!fits(s, bytes)) make_room(s, stored->kind, bytes, stored);
-  if (fits(s, bytes)) return true;
-  tc_set_error(error, TC_ERROR_MEMORY, NULL, "%s: out of memory", stored->kind->name);
-  return false;
-}
-
-uint64_t tc_store_wanted(tc_store *s) {
-  const uint64_t wanted = s->wanted;
-  s->wanted = 0;
-  return wanted;
-}
-
 static bool grow_list(tc_store *s) {
   if (s->count < s->capacity) return true;
   int capacity = s->capacity ? 2 * s->capacity : 32;
@@ -114,11 +111,11 @@ static bool grow_list(tc_store *s) {
 
 tc_stored *tc_store_add(tc_store *s, const tc_stored *wanted, GError **error) {
   drop_once_used(s, wanted->kind);
-  make_room(s, wanted->kind, wanted->bytes, NULL);
   tc_stored *it = calloc(1, sizeof *it);
   void *copy = malloc(wanted->key_size);
-  if (!fits(s, wanted->bytes) || !it || !copy || !grow_list(s)) {
-    tc_set_error(error, TC_ERROR_MEMORY, NULL, "%s: out of memory", wanted->kind->name);
+  const bool lists = it && copy && grow_list(s);
+  if (!lists) tc_set_error(error, TC_ERROR_MEMORY, NULL, "%s: out of memory", wanted->kind->name);
+  if (!lists || !reserve(s, wanted->kind, wanted->bytes, NULL, error)) {
     free_thing(wanted->kind, wanted->thing, true);
     free(it);
     free(copy);
@@ -127,20 +124,19 @@ tc_stored *tc_store_add(tc_store *s, const tc_stored *wanted, GError **error) {
   *it = *wanted;
   it->key = memcpy(copy, wanted->key, wanted->key_size);
   it->last_use = ++s->clock;
-  s->held += it->bytes;
   return s->items[s->count++] = it;
 }
 
-void tc_store_grow(tc_store *s, tc_stored *stored, size_t bytes) {
-  make_room(s, stored->kind, bytes, stored);
+bool tc_store_grow(tc_store *s, tc_stored *stored, size_t bytes, GError **error) {
+  if (!reserve(s, stored->kind, bytes, stored, error)) return false;
   stored->bytes += bytes;
-  s->held += bytes;
+  return true;
 }
 
-void tc_store_shrink(tc_store *s, tc_stored *stored, size_t bytes) {
-  if (bytes >= stored->bytes) return;
-  s->held -= stored->bytes - bytes;
+void tc_store_resize(tc_store *s, tc_stored *stored, size_t bytes) {
+  count(s, (int64_t)bytes - (int64_t)stored->bytes);
   stored->bytes = bytes;
+  while (s->held > s->budget && drop_oldest(s, stored->kind, stored)) {}
 }
 
 const void *tc_store_use(tc_store *s, tc_stored *stored) {
@@ -163,11 +159,8 @@ void tc_store_drop(tc_store *s, const tc_store_kind *kind, bool (*like)(const vo
 }
 
 uint64_t tc_store_held(const tc_store *s) { return s->held; }
-uint64_t tc_store_spare(const tc_store *s) { return s->held < s->ceiling ? s->ceiling - s->held : 0; }
-uint64_t tc_store_budget(const tc_store *s) { return s->most; }
+uint64_t tc_store_budget(const tc_store *s) { return s->budget; }
 
-void tc_store_limit(tc_store *s, uint64_t most_bytes) {
-  s->ceiling = most_bytes;
-  s->budget = most_bytes < s->most ? most_bytes : s->most;
-  make_room(s, NULL, 0, NULL);
+void tc_store_trim(tc_store *s, uint64_t most_bytes) {
+  while (s->held > most_bytes && drop_oldest(s, NULL, NULL)) {}
 }

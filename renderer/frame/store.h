@@ -8,6 +8,7 @@
 #include <stdint.h>
 
 #include "renderer/base/error.h"
+#include "renderer/base/ledger.h"
 
 typedef struct tc_store_kind {
   const char *name; /* for errors */
@@ -32,7 +33,8 @@ typedef struct tc_stored {
 
 typedef struct tc_store tc_store;
 
-tc_store *tc_store_new(uint64_t budget_bytes, GError **error);
+/* ledger: is asked for all that is kept, and outlives the store; NULL: no bound but the budget, which one frame may exceed. */
+tc_store *tc_store_new(uint64_t budget_bytes, const tc_ledger *ledger, GError **error);
 void tc_store_free(tc_store *store); /* NULL is fine */
 
 /* Finished or unfinished; NULL: not cached. Does not count as a use. The pointer is valid until the next addition. */
@@ -43,12 +45,10 @@ tc_stored *tc_store_latest(const tc_store *store, const tc_store_kind *kind,
 /* Takes ownership of wanted->thing, which is unfinished; on failure (TC_ERROR_MEMORY) frees the thing. Copies the key.
  * Evicts finished things of the kind, oldest first: resources of other kinds, which this frame may already hold, stay. */
 tc_stored *tc_store_add(tc_store *store, const tc_stored *wanted, GError **error);
-/* Whether it may grow by so many bytes, evicting older ones of its kind; else TC_ERROR_MEMORY. */
-bool tc_store_may_grow(tc_store *store, const tc_stored *stored, size_t bytes, GError **error);
-/* Counts so many bytes more. */
-void tc_store_grow(tc_store *store, tc_stored *stored, size_t bytes);
-/* Counts at most so many bytes. */
-void tc_store_shrink(tc_store *store, tc_stored *stored, size_t bytes);
+/* Reserves so many bytes more for it, evicting older ones of its kind; else TC_ERROR_MEMORY. */
+bool tc_store_grow(tc_store *store, tc_stored *stored, size_t bytes, GError **error);
+/* It has so many bytes now, whatever was reserved. */
+void tc_store_resize(tc_store *store, tc_stored *stored, size_t bytes);
 /* The thing, marked as used now; NULL for NULL and for an unfinished one. */
 const void *tc_store_use(tc_store *store, tc_stored *stored);
 
@@ -57,11 +57,8 @@ void tc_store_forget(tc_store *store, uint64_t volume_serial);
 /* Drops those of a kind for which `like` is true, and all unfinished ones of the kind. */
 void tc_store_drop(tc_store *store, const tc_store_kind *kind, bool (*like)(const void *thing, const void *user), const void *user);
 uint64_t tc_store_held(const tc_store *store);
-uint64_t tc_store_spare(const tc_store *store);  /* the limit less what is held */
 uint64_t tc_store_budget(const tc_store *store); /* as given to tc_store_new() */
-/* A hard limit from now on, which also caps the budget. Drops what is over it. */
-void tc_store_limit(tc_store *store, uint64_t most_bytes);
-/* Bytes of the thing that did not fit under the limit, if the last failure was that; reading clears the number. */
-uint64_t tc_store_wanted(tc_store *store);
+/* Drops the least recently used until at most so many bytes are held. */
+void tc_store_trim(tc_store *store, uint64_t most_bytes);
 
 #endif

@@ -45,7 +45,6 @@ typedef struct drawing {
   atomic_int drawn;     /* tiles */
   atomic_bool left;     /* some tile was not drawn to the end */
   atomic_bool no_memory;
-  atomic_size_t spare;  /* bytes that layers may still take */
   bool translucent, textured; /* some surface is */
 } drawing;
 
@@ -253,18 +252,10 @@ static size_t draw_clusters(drawing *d, worker *w, size_t n, tc_raster_tile *to)
 
 /* ---- translucent layers ---- */
 
-/* False: there are not so many left. */
-static bool take_bytes(drawing *d, size_t bytes) {
-  size_t spare = atomic_load(&d->spare);
-  while (bytes <= spare)
-    if (atomic_compare_exchange_weak(&d->spare, &spare, spare - bytes)) return true;
-  return false;
-}
-
 /* For so many and a quarter more. */
 static bool make_room(drawing *d, tc_raster_layers *layers, size_t n) {
   const size_t room = n + n / 4 < MOST_ROW ? n + n / 4 : MOST_ROW;
-  const bool fits = take_bytes(d, 2 * (room - layers->room) * sizeof *layers->of);
+  const bool fits = tc_ledger_take(d->job->ledger, 2 * (room - layers->room) * sizeof *layers->of);
   tc_raster_layer *of = fits ? realloc(layers->of, 2 * room * sizeof *of) : NULL;
   if (of) layers->of = of, layers->room = room;
   return of != NULL;
@@ -331,7 +322,7 @@ static void keep_seen(drawing *d, worker *w) {
   const tc_raster_fragments *f = &w->fragments;
   if (w->n_seen + TC_RASTER_BATCH > w->seen_room) {
     const size_t room = 2 * w->seen_room + TC_RASTER_PIXELS;
-    const bool fits = room <= MOST_SEEN && take_bytes(d, (room - w->seen_room) * sizeof *w->seen);
+    const bool fits = room <= MOST_SEEN && tc_ledger_take(d->job->ledger, (room - w->seen_room) * sizeof *w->seen);
     tc_raster_seen *seen = fits ? realloc(w->seen, room * sizeof *seen) : NULL;
     if (seen)
       w->seen = seen, w->seen_room = room;
@@ -578,7 +569,7 @@ static void add_counts(tc_raster_counts *to, const tc_raster_counts *from) {
 }
 
 bool tc_raster_draw(const tc_raster_job *job, tc_raster_counts *counts, GError **error) {
-  drawing d = {.job = job, .spare = job->spare_bytes};
+  drawing d = {.job = job};
   set_up_frame(&d);
   d.tiles_x = (job->view->width + TC_RASTER_SIDE - 1) / TC_RASTER_SIDE;
   d.tiles_y = (job->view->height + TC_RASTER_SIDE - 1) / TC_RASTER_SIDE;
@@ -588,6 +579,8 @@ bool tc_raster_draw(const tc_raster_job *job, tc_raster_counts *counts, GError *
   for (int i = 0; d.workers && i < tc_pool_threads(job->pool); i++) {
     add_counts(counts, &d.workers[i].counts);
     free(d.workers[i].memory);
+    const worker *w = &d.workers[i];
+    tc_ledger_count(job->ledger, -(int64_t)(2 * w->layers.room * sizeof *w->layers.of + w->seen_room * sizeof *w->seen));
     free(d.workers[i].layers.of);
     free(d.workers[i].seen);
   }

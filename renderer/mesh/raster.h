@@ -18,6 +18,7 @@
 #ifndef TC_MESH_RASTER_H
 #define TC_MESH_RASTER_H
 
+#include "renderer/base/ledger.h"
 #include "renderer/mesh/view.h"
 
 enum { TC_RASTER_SIDE = 64, TC_RASTER_SAMPLES = 64 };
@@ -88,7 +89,7 @@ typedef struct tc_raster_job {
   const double (*samples)[2]; /* pixels from a pixel's middle, within -0.5 .. 0.5; rounded to a 256th */
   bool forward;              /* for measurements: clusters in the mesh's order, none left out as hidden, shaded where they
                                 are the nearest so far; of opaque surfaces and one sample */
-  size_t spare_bytes;        /* memory that translucent layers may take, of all threads together */
+  const tc_ledger *ledger;   /* of the memory of translucent layers; NULL: no bound */
   bool layered;              /* what is seen is emitted one by one beside the sum; of one sample */
   const uint8_t *finished;   /* [tiles], row by row: how many rows of each, from its top on, are not drawn again; NULL: none */
   /* Once a tile that it comes further in, from any thread of the pool. False: enough, the rest is left as the halt leaves it. */

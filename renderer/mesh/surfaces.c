@@ -20,6 +20,10 @@ struct tc_surfaces {
 tc_surfaces *tc_surfaces_begin(void) { return g_new0(tc_surfaces, 1); }
 int64_t tc_surfaces_steps(const tc_surfaces *s) { return s->steps; }
 
+size_t tc_surfaces_held(const tc_surfaces *s) {
+  return (s->mesh ? s->mesh->bytes : 0) + (s->clusters ? s->clusters->bytes : 0);
+}
+
 void tc_surfaces_free(tc_surfaces *s) {
   if (!s) return;
   tc_mesh_free(s->mesh);

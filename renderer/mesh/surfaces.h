@@ -40,6 +40,7 @@ tc_surfaces *tc_surfaces_begin(void);
 /* True: all there. False with *error set; called again with the same wish (but for `like`) it goes on. */
 bool tc_surfaces_go_on(tc_surfaces *surfaces, const tc_surfaces_wish *wish, GError **error);
 int64_t tc_surfaces_steps(const tc_surfaces *surfaces); /* grows */
+size_t tc_surfaces_held(const tc_surfaces *surfaces);   /* bytes of what is made so far */
 /* The clusters, and the end of what made them: a part for each source, in order. */
 tc_clusters *tc_surfaces_take(tc_surfaces *surfaces);
 void tc_surfaces_free(tc_surfaces *surfaces); /* NULL is fine */

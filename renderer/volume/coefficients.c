@@ -162,6 +162,8 @@ bool tc_coefficients_go_on(tc_coefficients *c, const tc_volume *volume, tc_pool 
 
 int64_t tc_coefficients_steps(const tc_coefficients *c) { return ((int64_t)c->pass << 32) + c->next; }
 
+uint64_t tc_coefficients_held(const tc_coefficients *c) { return tc_volume_bytes(c->to); }
+
 tc_volume *tc_coefficients_take(tc_coefficients *c) {
   tc_volume *made = tc_volume_ref(c->to);
   tc_coefficients_free(c);

@@ -22,6 +22,7 @@ tc_coefficients *tc_coefficients_begin(const tc_volume *volume, GError **error);
 bool tc_coefficients_go_on(tc_coefficients *c, const tc_volume *volume, tc_pool *pool);
 /* Progress of the work; it only grows. */
 int64_t tc_coefficients_steps(const tc_coefficients *c);
+uint64_t tc_coefficients_held(const tc_coefficients *c); /* bytes allocated */
 /* Returns the complete coefficients, and frees c: a sealed f32 volume in the same place and unit, owned by the
  * caller. Coefficients exceed the voxels' range where the data have sharp peaks. */
 tc_volume *tc_coefficients_take(tc_coefficients *c);

@@ -74,7 +74,7 @@ static bool make(tcs_catalogue *catalogue, uint64_t bytes, uint64_t voxels, cons
   GPtrArray *idle = idle_entries(catalogue, spare, &idle_bytes);
   const bool enough = suffices(budget, &missing, idle_bytes);
   if (enough && missing.any && cached)
-    tcs_scheduler_limit_cache(catalogue->server->scheduler, minus(cached, missing.any));
+    tcs_scheduler_trim_cache(catalogue->server->scheduler, minus(cached, missing.any));
   uint64_t goal = MAX(missing.voxels, minus(missing.any, cached));
   for (guint i = 0; enough && i < idle->len && goal > 0; i++) {
     tcs_entry *entry = g_ptr_array_index(idle, i);

@@ -6,6 +6,7 @@
 #include "renderer/quality/meter.h"
 #include "renderer/quality/quality.h"
 #include "server/loop/worker.h"
+#include "server/memory/ledger.h"
 #include "server/schedule/fair.h"
 #include "server/server.h"
 
@@ -74,7 +75,8 @@ struct tcs_job {
   tc_frame frame;
   uint64_t memory;        /* what the ledger has for its frame */
   uint64_t memory_wanted; /* what it did not have; 0: it had */
-  bool asked;             /* others were asked to give memory back for it */
+  tcs_ledger drawing;     /* of what drawing takes beside its frame */
+  int asked;              /* how often others were asked to give memory back for it */
 };
 
 /* Takes a reference to `volume` and a copy of `scene`. */

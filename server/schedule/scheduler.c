@@ -10,6 +10,7 @@
 #include "server/observe/log.h"
 #include "server/observe/metrics.h"
 #include "server/schedule/ladder.h"
+#include "server/schedule/room.h"
 
 G_STATIC_ASSERT(TCS_METRICS_CLASSES == TCS_CLASS_COUNT);
 
@@ -30,9 +31,9 @@ G_STATIC_ASSERT(TCS_METRICS_CLASSES == TCS_CLASS_COUNT);
 #define MOST_HELD_BYTES ((size_t)256 << 20)
 /* Before any picture was made: what the cpu back end takes of volumes of which about half shows. */
 #define THREAD_MS_PER_SAMPLE 2e-6
+/* Times that others give memory back for one picture: of most it is known at once what they need. */
+#define MOST_ASKED 4
 #define MOST_SPARE_PIXELS ((size_t)4 << 20)
-/* A pixel of a picture while it is encoded: what noise takes as PNG. */
-#define ENCODING_BYTES 4
 
 /* Interactive frames have an encoder of their own: behind a large PNG they would come late. */
 typedef enum lane { LANE_MOVING, LANE_STILL, LANE_COUNT } lane;
@@ -52,6 +53,7 @@ struct tcs_scheduler {
   int64_t contended_us; /* when a client last waited beside another one's interactive frame; 0 = never */
   GQueue frames; /* tc_frame * with buffers to use again */
   tc_quality_cost cost;
+  tcs_ledger caches; /* of the renderer's tables, coefficients and structures */
   double ms_per_sample; /* of pictures lately, rather too slow than too quick; 0 = none yet */
 };
 
@@ -88,13 +90,15 @@ static void stop_renderer(tcs_task *task) { tc_renderer_free(((owner_task *)task
 tcs_scheduler *tcs_scheduler_new(tcs_server *server, GError **error) {
   tcs_scheduler *scheduler = g_new0(tcs_scheduler, 1);
   scheduler->server = server;
+  tcs_ledger_init(&scheduler->caches, server->budget, TCS_MEMORY_CACHES);
   g_queue_init(&scheduler->frames);
   scheduler->fair = tcs_fair_new();
   scheduler->peers = g_hash_table_new_full(g_str_hash, g_str_equal, g_free, free_client);
   owner_task owner = {.task.run = start_renderer,
                       .scheduler = scheduler,
                       .options = {.backend = server->config->backend, .threads = server->config->threads,
-                                  .cache_bytes = (uint64_t)server->config->limits.cache_bytes, .levels = true}};
+                                  .cache_bytes = (uint64_t)server->config->limits.cache_bytes, .ledger = &scheduler->caches.ask,
+                                  .levels = true}};
   run_and_wait(&owner, server->render_worker);
   for (int i = 0; i < LANE_COUNT && scheduler->renderer; i++)
     if (!owner.error) scheduler->encoders[i] = tcs_encoder_new(&owner.error);
@@ -153,13 +157,6 @@ static void finish(tcs_job *job) {
   tcs_job_free(job);
 }
 
-/* What is there, whatever was taken before. */
-static void count_frame(tcs_job *job, uint64_t bytes) {
-  tcs_budget_give(job->server->budget, TCS_MEMORY_FRAMES, job->memory);
-  tcs_budget_count(job->server->budget, TCS_MEMORY_FRAMES, bytes);
-  job->memory = bytes;
-}
-
 /* Frame buffers go round: render thread -> encode thread -> here -> render thread. */
 static void lend_frame(tcs_scheduler *scheduler, tcs_job *job) {
   tc_frame *spare = g_queue_pop_head(&scheduler->frames);
@@ -172,7 +169,7 @@ static void lend_frame(tcs_scheduler *scheduler, tcs_job *job) {
 static void return_frame(tcs_scheduler *scheduler, tcs_job *job) {
   const uint64_t kept = tc_frame_bytes(&job->frame);
   tc_frame_give_up(&job->frame);
-  if (tc_frame_bytes(&job->frame) < kept) count_frame(job, tc_frame_bytes(&job->frame));
+  if (tc_frame_bytes(&job->frame) < kept) tcs_job_count_memory(job, tc_frame_bytes(&job->frame));
   const bool fits = job->frame.rgba && job->frame.capacity <= MOST_SPARE_PIXELS && !job->frame.linear;
   if (!fits || g_queue_get_length(&scheduler->frames) > MAX_ENCODING) return;
   g_queue_push_head(&scheduler->frames, g_memdup2(&job->frame, sizeof job->frame));
@@ -208,7 +205,7 @@ static void run_encode(tcs_task *task) {
     job->image = take_picture(job->server->budget, bytes);
   else
     g_byte_array_unref(bytes);
-  count_frame(job, tc_frame_bytes(&job->frame));
+  tcs_job_count_memory(job, tc_frame_bytes(&job->frame));
   job->encode_ms = (double)(g_get_monotonic_time() - began) / 1000;
 }
 
@@ -334,7 +331,7 @@ static void run_slice(tcs_task *task) {
   const bool metered = job->meter_pixels > 0;
   const tc_render_request request = {
       .width = job->width, .height = job->height, .interrupt = &job->interrupt, .building = &job->building, .resume = job->slices > 1,
-      .labels = job->labels, .meshes = job->meshes, .want_linear = metered, .want_depth = metered && tc_meter_wants_depth(&job->scene), .hurry = job->hurry, .moving = job->moving};
+      .ledger = &job->drawing.ask, .labels = job->labels, .meshes = job->meshes, .want_linear = metered, .want_depth = metered && tc_meter_wants_depth(&job->scene), .hurry = job->hurry, .moving = job->moving};
   if (job->plan_only) {
     tc_renderer_explain(renderer, job->volume, &job->scene, &request, &job->plan, &job->error);
     return;
@@ -356,52 +353,17 @@ static void run_slice(tcs_task *task) {
   job->frame.linear_capacity = job->frame.depth_capacity = 0;
 }
 
-/* What a picture will have taken once it is encoded. */
-static uint64_t frame_need(const tcs_job *job) {
-  const int width = job->width ? job->width : job->scene.image.width;
-  const int height = job->height ? job->height : job->scene.image.height;
-  const uint64_t drawn = tc_frame_need(&job->scene, width, height, job->meter_pixels > 0);
-  if (tcs_job_draws_nothing(job)) return tc_frame_bytes(&job->frame);
-  return MAX(drawn, tc_frame_bytes(&job->frame)) + (uint64_t)width * (uint64_t)height * ENCODING_BYTES;
-}
-
-static bool take_frame(tcs_job *job) {
-  tcs_budget *budget = job->server->budget;
-  const uint64_t need = frame_need(job);
-  if (tcs_budget_resize(budget, TCS_MEMORY_FRAMES, job->memory, need)) {
-    job->memory = need;
-    return true;
-  }
-  job->memory_wanted = need - job->memory;
-  tcs_budget_refuse(budget, TCS_MEMORY_FRAMES, job->memory_wanted, &job->error);
-  return false;
-}
-
-/* After a slice: a paused one may keep more than it did before. */
-static void recount_frame(tcs_job *job) {
-  GError *paused = g_error_matches(job->error, TC_ERROR, TC_ERROR_PAUSED) ? g_steal_pointer(&job->error) : NULL;
-  if (job->error)
-    count_frame(job, tc_frame_bytes(&job->frame));
-  else if (take_frame(job))
-    job->error = g_steal_pointer(&paused);
-  g_clear_error(&paused);
-}
-
-/* The renderer keeps what others leave it. */
 static void counted_slice(tcs_job *job) {
-  tc_renderer *renderer = job->server->scheduler->renderer;
-  tcs_budget *budget = job->server->budget;
-  if (!take_frame(job)) return;
-  tc_renderer_limit_cache(renderer, tc_renderer_cached(renderer) + tcs_budget_left(budget));
+  tcs_ledger *caches = &job->server->scheduler->caches;
+  if (!tcs_job_take_memory(job)) return;
+  tcs_ledger_init(&job->drawing, job->server->budget, TCS_MEMORY_FRAMES);
+  tcs_ledger_begin(caches);
   run_slice(&job->task);
-  tcs_budget_set(budget, TCS_MEMORY_CACHES, tc_renderer_cached(renderer));
-  const uint64_t wanted = tc_renderer_wanted(renderer);
-  if (job->error && wanted) {
-    job->memory_wanted = wanted;
-    g_clear_error(&job->error);
-    tcs_budget_refuse(budget, TCS_MEMORY_CACHES, wanted, &job->error);
-  }
-  recount_frame(job);
+  tcs_ledger_end(&job->drawing); /* what the frame keeps of it is counted with the frame */
+  const int64_t layers = atomic_load(&job->drawing.refused);
+  tcs_job_refused(job, caches, atomic_load(&caches->refused));
+  tcs_job_refused(job, &job->drawing, layers ? layers + atomic_load(&job->drawing.held_then) : 0);
+  tcs_job_recount_memory(job);
 }
 
 static void timed_slice(tcs_task *task) {
@@ -432,14 +394,14 @@ static void put_back(tcs_scheduler *scheduler, tcs_job *job) {
   count_in_line(scheduler, job, 1);
 }
 
-/* One that found no memory is tried once more after others gave some back, which the render thread does before. */
+/* One that found no memory is tried again after others gave some back, which the render thread does before: more each
+ * time, since what was dropped may be what the picture itself needs. */
 static bool try_again(tcs_scheduler *scheduler, tcs_job *job) {
   const uint64_t wanted = job->memory_wanted;
   job->memory_wanted = 0;
-  if (!wanted || job->asked || !job->client) return false;
-  job->asked = true;
+  if (!wanted || job->asked == MOST_ASKED || !job->client) return false;
   drop_spare_frames(scheduler);
-  return tcs_budget_ask(scheduler->server->budget, wanted, job->volume);
+  return tcs_budget_ask(scheduler->server->budget, wanted << job->asked++, job->volume);
 }
 
 /* Of the slice that is over. */
@@ -551,8 +513,7 @@ static void run_trim(tcs_task *task) {
   else if (t->mesh_serial)
     tc_renderer_forget_mesh(renderer, t->mesh_serial);
   else
-    tc_renderer_limit_cache(renderer, t->most_bytes);
-  tcs_budget_set(t->scheduler->server->budget, TCS_MEMORY_CACHES, tc_renderer_cached(renderer));
+    tc_renderer_trim_cache(renderer, t->most_bytes);
   tc_volume_unref(t->volume); /* here: the next picture may need its memory */
 }
 
@@ -570,7 +531,7 @@ void tcs_scheduler_forget(tcs_scheduler *scheduler, tc_volume *volume) {
 
 void tcs_scheduler_forget_mesh(tcs_scheduler *scheduler, uint64_t serial) { submit_trim(scheduler, NULL, serial, 0); }
 
-void tcs_scheduler_limit_cache(tcs_scheduler *scheduler, uint64_t most_bytes) {
+void tcs_scheduler_trim_cache(tcs_scheduler *scheduler, uint64_t most_bytes) {
   submit_trim(scheduler, NULL, 0, most_bytes);
 }
 

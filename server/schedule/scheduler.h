@@ -37,7 +37,7 @@ void tcs_scheduler_pump(tcs_scheduler *scheduler);
 /* Nobody wants the job any more: one in line is finished at once (and freed), one under way soon. */
 void tcs_job_cancel(tcs_job *job);
 /* Makes the renderer drop least recently used derived data until it keeps no more than this. */
-void tcs_scheduler_limit_cache(tcs_scheduler *scheduler, uint64_t most_bytes);
+void tcs_scheduler_trim_cache(tcs_scheduler *scheduler, uint64_t most_bytes);
 /* Drops the renderer's resources of a volume that goes away. */
 void tcs_scheduler_forget(tcs_scheduler *scheduler, tc_volume *volume);
 void tcs_scheduler_forget_mesh(tcs_scheduler *scheduler, uint64_t serial); /* likewise of a mesh */

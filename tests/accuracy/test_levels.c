@@ -11,6 +11,7 @@
 #include "renderer/mesh/levels.h"
 #include "renderer/tomocast.h"
 #include "tests/support/grid.h"
+#include "tests/support/ledger.h"
 
 #define ISO 0.5
 
@@ -359,7 +360,9 @@ TEST(levels_come_beside) {
 /* Where the cache has no room for them there are none, and the surface is drawn in full; a frame that moves begins none. */
 TEST(levels_need_memory_and_rest) {
   for (int i = 0; i < 2; i++) {
-    const tc_renderer_options options = {.backend = TC_BACKEND_CPU, .threads = 1, .levels = true};
+    bounded_ledger ledger;
+    bound_ledger(&ledger, i ? INT64_MAX : f.full->bytes * 5 / 4);
+    const tc_renderer_options options = {.backend = TC_BACKEND_CPU, .threads = 1, .ledger = &ledger.ledger, .levels = true};
     g_autoptr(tc_renderer) r = tc_renderer_new(&options, NULL);
     g_auto(tc_frame) frame = {0};
     tc_explanation plan;
@@ -367,9 +370,8 @@ TEST(levels_need_memory_and_rest) {
     test_scene(&scene, 60, 60);
     test_scene_frame(&scene, f.volume, TC_PERSPECTIVE, (double[3]){0.5, -1, 0.3});
     scene.mode = TC_MODE_MESH, scene.isosurface.value = ISO;
-    tc_renderer_limit_cache(r, i ? UINT64_MAX : f.full->bytes * 5 / 4);
     for (int n = 0; n < 5; n++) draw(r, &scene, i, &frame, &plan);
-    assert_true(tc_renderer_cached(r) == f.full->bytes && tc_renderer_wanted(r) == 0 && !has_levels(&plan));
+    assert_true(tc_renderer_cached(r) == f.full->bytes && !has_levels(&plan));
   }
 }
 

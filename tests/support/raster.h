@@ -27,7 +27,7 @@ typedef struct drawing {
   const tc_raster_surface *surfaces; /* NULL: one, opaque */
   const float *channels;             /* of colored surfaces */
   const tc_raster_look *looks;       /* two of them; NULL: one, with its light at the camera */
-  size_t spare_bytes; /* 0: no bound */
+  const tc_ledger *ledger;
 } drawing;
 
 static inline bool runs(const char *isa) {
@@ -59,7 +59,7 @@ static inline bool try_draw(const tc_clusters *mesh, const drawing *d, picture *
                              .looks = d->looks ? d->looks : &look, .n_looks = d->looks ? 2 : 1,
                              .surfaces = d->surfaces ? d->surfaces : &one_surface, .channels = d->channels,
                              .n_samples = d->samples > 1 ? 5 : 1, .samples = d->samples > 1 ? several : one,
-                             .forward = d->forward, .spare_bytes = d->spare_bytes ? d->spare_bytes : SIZE_MAX, .emit = keep, .user = p, .pool = d->pool};
+                             .forward = d->forward, .ledger = d->ledger, .emit = keep, .user = p, .pool = d->pool};
   p->width = d->width, p->height = d->height;
   p->counts = (tc_raster_counts){0};
   return tc_raster_draw(&job, &p->counts, error);

@@ -290,7 +290,7 @@ TEST(entries_count) {
   double ms = 0;
   tc_plan plan = {0};
   const tc_frame_job outlines = {.plan = &plan, .outlines_table = true}, fills = {.plan = &plan};
-  tc_resources *r = tc_resources_new(NULL, 6 << 20, NULL); /* a table of 256 takes 2.1 MB */
+  tc_resources *r = tc_resources_new(NULL, 6 << 20, NULL, NULL); /* a table of 256 takes 2.1 MB */
 #define GET(job, ms) ((const tc_table *)tc_resources_get(r, TC_RESOURCE_TABLE, job, ms, NULL))
   const tc_table *tables[TABLES];
   for (int i = 0; i < TABLES; i++, ms = 0) {
@@ -330,7 +330,7 @@ TEST(edits_go) {
   const float *places[EDITS];
   int left = 0, distinct = 0;
   double ms = 0;
-  tc_resources *r = tc_resources_new(NULL, 256 << 20, NULL);
+  tc_resources *r = tc_resources_new(NULL, 256 << 20, NULL, NULL);
 #define GET(i, ms)                                                                                                     \
   (plan.table = params(&tf, smooth, 4, TC_KNOT_OPACITY, 256, 1 + (i)),                                                 \
    (const tc_table *)tc_resources_get(r, TC_RESOURCE_TABLE, &job, ms, NULL))

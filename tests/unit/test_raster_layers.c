@@ -1,4 +1,5 @@
 /* The rasteriser: translucent layers, their order, memory and bounds; meshes of several parts. */
+#include "tests/support/ledger.h"
 #include "tests/support/raster.h"
 
 static const tc_raster_surface six[6] = {{{1, 0, 0}, 0.3f, false}, {{0, 1, 0}, 0.5f, false}, {{0, 0, 1}, 0.7f, false},
@@ -209,13 +210,17 @@ TEST(layers_take_no_more_memory_than_there_is) {
   tc_clusters *c = cluster(stack(50, 50));
   drawing d = {.camera = above, .width = 64, .height = 64, .surfaces = &(tc_raster_surface){{1, 1, 1}, 0.001f, false}};
   const size_t bytes = 50 * 64 * 64 * 24;
-  d.spare_bytes = bytes - 1;
+  bounded_ledger ledger;
+  bound_ledger(&ledger, bytes - 1);
+  d.ledger = &ledger.ledger;
   assert_false(try_draw(c, &d, p, &error));
   assert_true(g_error_matches(error, TC_ERROR, TC_ERROR_MEMORY));
   g_clear_error(&error);
-  d.spare_bytes = bytes + bytes / 4;
+  assert_true(atomic_load(&ledger.left) == (int64_t)bytes - 1 && atomic_load(&ledger.refused) > 0);
+  bound_ledger(&ledger, bytes + bytes / 4);
   draw(c, &d, p);
-  printf("  %llu layers in %zu bytes\n", (unsigned long long)p->counts.layers, d.spare_bytes);
+  printf("  %llu layers in %zu bytes\n", (unsigned long long)p->counts.layers, bytes + bytes / 4);
+  assert_int_equal(atomic_load(&ledger.left), bytes + bytes / 4); /* all given back */
   assert_int_equal(p->counts.layers, 50 * 64 * 64);
   tc_clusters_free(c);
   test_free(p);

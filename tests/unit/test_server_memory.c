@@ -6,6 +6,7 @@
 
 #include "server/config/config.h"
 #include "server/memory/budget.h"
+#include "server/memory/ledger.h"
 #include "server/memory/machine.h"
 
 #define MIB (UINT64_C(1) << 20)
@@ -29,6 +30,26 @@ TEST(what_is_taken_is_counted) {
   assert_false(tcs_budget_resize(budget, TCS_MEMORY_LOADS, 60, 61));
   assert_true(tcs_budget_resize(budget, TCS_MEMORY_LOADS, 60, 5));
   assert_int_equal(tcs_budget_used(budget, TCS_MEMORY_LOADS), 5);
+  tcs_budget_free(budget);
+}
+
+TEST(a_ledger_reserves_counts_and_gives_back) {
+  tcs_budget *budget = tcs_budget_new(100, 60);
+  tcs_ledger ledger;
+  tcs_ledger_init(&ledger, budget, TCS_MEMORY_FRAMES);
+  assert_true(tc_ledger_take(&ledger.ask, 30));
+  tc_ledger_count(&ledger.ask, 50);
+  assert_false(tc_ledger_take(&ledger.ask, 21));
+  assert_int_equal(atomic_load(&ledger.refused), 21);
+  assert_int_equal(atomic_load(&ledger.held_then), 80);
+  tc_ledger_count(&ledger.ask, -10);
+  assert_true(tc_ledger_take(&ledger.ask, 21));
+  assert_int_equal(tcs_budget_used(budget, TCS_MEMORY_FRAMES), 91);
+  tcs_ledger_begin(&ledger);
+  assert_int_equal(atomic_load(&ledger.refused), 0);
+  tcs_ledger_end(&ledger);
+  assert_int_equal(tcs_budget_used(budget, TCS_MEMORY_FRAMES), 0);
+  assert_true(tc_ledger_take(NULL, UINT64_MAX)); /* no bound */
   tcs_budget_free(budget);
 }
 
