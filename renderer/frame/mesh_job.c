@@ -162,7 +162,7 @@ static int planes_of(const tc_scene *scene, double planes[TC_VIEW_MOST_CLIP][4])
 size_t tc_mesh_triangles(const tc_clusters *mesh, const tc_plan *plan, const tc_scene *scene) {
   uint8_t *levels = malloc(mesh->n_groups + 1);
   tc_mesh_view view;
-  tc_mesh_view_set_up(&view, mesh, &scene->camera, plan->width, plan->height, NULL, 0);
+  tc_mesh_view_set_up(&view, mesh, &scene->camera, plan->width, plan->height);
   const size_t n = levels ? tc_levels_choose(mesh, &view, plan->mesh_pixels, levels) : 0;
   free(levels);
   return n;
@@ -173,8 +173,8 @@ bool tc_mesh_job_begin(tc_mesh_job *m, const tc_frame_job *job, GError **error) 
   double planes[TC_VIEW_MOST_CLIP][4];
   const int n_planes = planes_of(job->scene, planes);
   m->raster.channels = NULL;
-  tc_mesh_view_set_up(&m->view, mesh, &job->scene->camera, job->frame->width, job->frame->height,
-                 (const double(*)[4])planes, n_planes);
+  tc_mesh_view_set_up(&m->view, mesh, &job->scene->camera, job->frame->width, job->frame->height);
+  tc_mesh_view_clip(&m->view, mesh, (const double(*)[4])planes, n_planes);
   m->levels = mesh->n_groups ? malloc(mesh->n_groups) : NULL;
   if (m->levels) tc_levels_choose(mesh, &m->view, job->plan->mesh_pixels, m->levels);
   if (!set_surfaces(m, job, n_planes == 0 && tc_mesh_view_is_outside(&m->view, mesh))) {

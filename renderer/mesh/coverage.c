@@ -35,7 +35,7 @@ double tc_mesh_coverage(const tc_mesh *mesh, const tc_camera *camera, int width,
   tc_mesh_view view;
   double pixels = 0;
   memcpy(about.origin, mesh->origin, sizeof about.origin);
-  tc_mesh_view_set_up(&view, &about, camera, width, height, NULL, 0);
+  tc_mesh_view_set_up(&view, &about, camera, width, height);
   for (size_t i = 0; i < n; i++)
     pixels += pixels_of(&view, mesh, mesh->triangles[somewhere(mesh->serial + i, i * all / n, (i + 1) * all / n)]);
   return n ? pixels * ((double)all / (double)n) : 0;

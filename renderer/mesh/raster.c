@@ -350,11 +350,18 @@ static void shade_fragments(drawing *d, worker *w) {
   f->n = 0;
 }
 
-static void add_fragment(drawing *d, worker *w, int x, int y, uint32_t id, float share, const float offset[2]) {
+/* A triangle's share of a pixel (opacity included), seen at `offset` from the pixel's middle, in fixed-point units. */
+typedef struct sighting {
+  uint32_t id;
+  float share, offset[2];
+} sighting;
+
+static void add_fragment(drawing *d, worker *w, int x, int y, sighting seen) {
+  const float *offset = seen.offset;
   tc_raster_fragments *f = &w->fragments;
-  f->id[f->n] = id;
+  f->id[f->n] = seen.id;
   f->pixel[f->n] = y * TC_RASTER_SIDE + x;
-  f->share[f->n] = share;
+  f->share[f->n] = seen.share;
   f->x[f->n] = (float)(w->tile.x0 + x) + offset[0] * (1.0f / TC_VIEW_SUBPIXEL);
   f->y[f->n] = (float)(w->tile.y0 + y) + offset[1] * (1.0f / TC_VIEW_SUBPIXEL);
   if (++f->n == TC_RASTER_BATCH) shade_fragments(d, w);
@@ -375,8 +382,8 @@ static void add_pixel(drawing *d, worker *w, int x, int y) {
     of[i].n++, of[i].offset[0] += offset[0], of[i].offset[1] += offset[1];
   }
   for (int i = 0; i < n; i++) {
-    const float middle[2] = {of[i].offset[0] / of[i].n, of[i].offset[1] / of[i].n};
-    add_fragment(d, w, x, y, of[i].id, of[i].n / (float)n_samples, middle);
+    const float n = of[i].n;
+    add_fragment(d, w, x, y, (sighting){of[i].id, n / (float)n_samples, {of[i].offset[0] / n, of[i].offset[1] / n}});
   }
 }
 
@@ -385,7 +392,7 @@ static inline void add_opaque(drawing *d, worker *w, int x, int y) {
   if (d->job->n_samples > 1)
     add_pixel(d, w, x, y);
   else if (id != TC_RASTER_NOTHING)
-    add_fragment(d, w, x, y, id, 1, d->frame.offset[0]);
+    add_fragment(d, w, x, y, (sighting){id, 1, {d->frame.offset[0][0], d->frame.offset[0][1]}});
 }
 
 /* Nearness becomes the share of the pixel that each layer has, and `clear` what is left of each sample behind them. */
@@ -421,7 +428,7 @@ static void add_layers(drawing *d, worker *w, int x, int y, tc_raster_layer *of,
         const float *offset = d->frame.offset[of[end].at / TC_RASTER_PIXELS];
         if (of[end].near > 0) share += of[end].near, seen++, middle[0] += offset[0], middle[1] += offset[1];
       }
-      if (share > 0) add_fragment(d, w, x, y, of[i].id, share, (const float[2]){middle[0] / seen, middle[1] / seen});
+      if (share > 0) add_fragment(d, w, x, y, (sighting){of[i].id, share, {middle[0] / seen, middle[1] / seen}});
     }
 }
 

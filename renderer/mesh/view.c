@@ -22,11 +22,10 @@ static void set_sides(tc_mesh_view *v) {
   }
 }
 
-void tc_mesh_view_set_up(tc_mesh_view *view, const tc_clusters *mesh, const tc_camera *camera, int width, int height,
-                    const double (*clip)[4], int n_clip) {
+void tc_mesh_view_set_up(tc_mesh_view *view, const tc_clusters *mesh, const tc_camera *camera, int width, int height) {
   double right[3], down[3], middle = 0;
   *view = (tc_mesh_view){.width = width, .height = height, .perspective = camera->projection == TC_PERSPECTIVE,
-                    .centre = {0.5 * width, 0.5 * height}, .n_planes = TC_VIEW_CLIP + n_clip};
+                    .centre = {0.5 * width, 0.5 * height}, .n_planes = TC_VIEW_CLIP};
   for (int k = 0; k < 3; k++) {
     view->forward[k] = camera->target[k] - camera->position[k];
     view->eye[k] = camera->position[k] - mesh->origin[k];
@@ -49,8 +48,11 @@ void tc_mesh_view_set_up(tc_mesh_view *view, const tc_clusters *mesh, const tc_c
   double *near = view->planes[TC_VIEW_NEAR];
   memcpy(near, view->depth, sizeof view->depth);
   near[3] += view->perspective ? view->reference * (1 - 0x1p-16) : view->reference;
+}
+
+void tc_mesh_view_clip(tc_mesh_view *view, const tc_clusters *mesh, const double (*clip)[4], int n_clip) {
   for (int i = 0; i < n_clip; i++) {
-    double norm = sqrt(dot3(clip[i], clip[i])), *plane = view->planes[TC_VIEW_CLIP + i];
+    double norm = length3(clip[i]), *plane = view->planes[view->n_planes++];
     for (int k = 0; k < 3; k++) plane[k] = clip[i][k] / norm;
     plane[3] = (clip[i][3] + dot3(clip[i], mesh->origin)) / norm;
   }

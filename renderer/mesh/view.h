@@ -35,10 +35,10 @@ typedef struct tc_mesh_view {
   double eye[3], forward[3];       /* relative to the mesh's origin; unit */
 } tc_mesh_view;
 
-/* The camera was validated (tc_plan_check). clip: LPS planes n . p + d >= 0 of what is kept, at most TC_VIEW_MOST_CLIP.
- * Pure. */
-void tc_mesh_view_set_up(tc_mesh_view *view, const tc_clusters *mesh, const tc_camera *camera, int width, int height,
-                    const double (*clip)[4], int n_clip);
+/* The camera was validated (tc_plan_check). Pure. */
+void tc_mesh_view_set_up(tc_mesh_view *view, const tc_clusters *mesh, const tc_camera *camera, int width, int height);
+/* Adds LPS planes n . p + d >= 0 of what is kept, at most TC_VIEW_MOST_CLIP in all. */
+void tc_mesh_view_clip(tc_mesh_view *view, const tc_clusters *mesh, const double (*clip)[4], int n_clip);
 
 /* Whether the eye is outside the sphere around all of the mesh, so that a closed mesh that no plane cuts shows no back. */
 bool tc_mesh_view_is_outside(const tc_mesh_view *view, const tc_clusters *mesh);

@@ -35,10 +35,10 @@ static bool is_thin(unsigned faces) { return (faces & faces >> 1 & 0x15) != 0; }
 
 static uint8_t packed_distance(double voxels) { return (uint8_t)(1 + lround(254 * fmin(fmax(voxels, 0), 1))); }
 
-static void add_word(const pile *p, int x, int y, int z, unsigned faces, const double normal[3], uint8_t inset) {
+static void add_word(const pile *p, const int at[3], unsigned faces, const double normal[3], uint8_t inset) {
   int folded[2] = {127, 127};
   if (faces) tc_octahedron_fold(normal, 63, folded);
-  const uint32_t word = (uint32_t)(x & 15) | (uint32_t)(y & 15) << 4 | (uint32_t)(z & 15) << 8 | faces << 12 |
+  const uint32_t word = (uint32_t)(at[0] & 15) | (uint32_t)(at[1] & 15) << 4 | (uint32_t)(at[2] & 15) << 8 | faces << 12 |
                         (uint32_t)folded[0] << 18 | (uint32_t)folded[1] << 25;
   g_array_append_val(p->words, word);
   g_array_append_val(p->insets, inset);
@@ -151,13 +151,24 @@ static void to_lps(const tc_volume_desc *d, const double index[3], double lps[3]
 
 #define CUT_AREA 28 /* of a 5x5x5 cube by a plane near its middle: 25 to 32.5 */
 
+/* A voxel, and the bits of its row of columns; those of the rows beside it are `row_words` before and behind. */
+typedef struct place {
+  const uint64_t *row;
+  ptrdiff_t row_words;
+  int at[3];
+} place;
+
+static window window_of(const building *b, const place *p, int dy) {
+  return (window){p->row + dy * p->row_words, b->model->head.grid.dims[0], b->words};
+}
+
 /* The free side of the 5x5x5 voxels around one: minus the sum of places that are filled; and how far away the surface
- * is, were it a plane, by how many are. Rows are those beside y. */
-static double normal_of_filled(const building *b, const uint64_t *row, size_t row_words, int x, int z,
-                               double normal[3]) {
+ * is, were it a plane, by how many are. */
+static double normal_of_filled(const building *b, const place *p, double normal[3]) {
+  const int x = p->at[0], z = p->at[2];
   int sum[3] = {0}, filled = 0;
   for (int dy = -2; dy <= 2; dy++) {
-    const window w = {row + (ptrdiff_t)dy * (ptrdiff_t)row_words, b->model->head.grid.dims[0], b->words};
+    const window w = window_of(b, p, dy);
     for (int dx = -2; dx <= 2; dx++) {
       const unsigned five = wide_slice(&w, x + dx, z & ~15) >> (z & 15) & 31;
       const int count = __builtin_popcount(five);
@@ -170,11 +181,12 @@ static double normal_of_filled(const building *b, const uint64_t *row, size_t ro
 }
 
 /* Filled ones of a voxel's 26 neighbours, as steps from it. */
-static int neighbours_of(const building *b, const uint64_t *row, size_t row_words, int x, int z, double steps[26][3]) {
+static int neighbours_of(const building *b, const place *p, double steps[26][3]) {
+  const int x = p->at[0], z = p->at[2];
   int n = 0;
   for (int i = 0; i < 9; i++) {
     const int dx = i % 3 - 1, dy = i / 3 - 1;
-    const window w = {row + (ptrdiff_t)dy * (ptrdiff_t)row_words, b->model->head.grid.dims[0], b->words};
+    const window w = window_of(b, p, dy);
     const unsigned three = wide_slice(&w, x + dx, z & ~15) >> ((z & 15) + 1) & 7;
     for (int dz = -1; dz <= 1; dz++)
       if ((three >> (dz + 1) & 1) && (dx || dy || dz)) steps[n][0] = dx, steps[n][1] = dy, steps[n++][2] = dz;
@@ -207,10 +219,9 @@ static double main_direction(const double steps[26][3], int n, double along[3]) 
 
 /* What a thin voxel is part of, and the direction of a line in the normal's place. Distances along any normal are 1
  * / 1.4 of a line's radius in the mean. */
-static uint8_t thin_inset(const building *b, const uint64_t *row, size_t row_words, int x, int z, double distance,
-                          double normal[3]) {
+static uint8_t thin_inset(const building *b, const place *p, double distance, double normal[3]) {
   double steps[26][3], along[3], back = 0, on = 0;
-  const int n = neighbours_of(b, row, row_words, x, z, steps);
+  const int n = neighbours_of(b, p, steps);
   const double share = n ? main_direction(steps, n, along) : 0, thick = distance < 0 ? 0.5 : distance;
   tc_splat_thin what = n ? TC_SPLAT_SHEET : TC_SPLAT_DOT;
   if (n && (n <= 3 || share > 0.6)) {
@@ -223,22 +234,20 @@ static uint8_t thin_inset(const building *b, const uint64_t *row, size_t row_wor
 }
 
 /* Returns the surface's distance along it; below 0: unknown. */
-static double find_normal(const building *b, const uint64_t *row, size_t row_words, int x, int y, int z, unsigned faces,
-                          double normal[3]) {
+static double find_normal(const building *b, const place *p, unsigned faces, double normal[3]) {
   double inset = -1, rough[3];
-  if (b->normals.of) inset = b->normals.of(b->normals.user, x, y, z, normal);
-  if (inset < 0) inset = normal_of_filled(b, row, row_words, x, z, b->normals.of ? rough : normal);
+  if (b->normals.of) inset = b->normals.of(b->normals.user, p->at[0], p->at[1], p->at[2], normal);
+  if (inset < 0) inset = normal_of_filled(b, p, b->normals.of ? rough : normal);
   if (normal[0] * normal[0] + normal[1] * normal[1] + normal[2] * normal[2] > 0) return inset;
   const int face = __builtin_ctz(faces); /* no side has less than another: that of any free face */
   for (int r = 0; r < 3; r++) normal[r] = (face & 1 ? 1 : -1) * b->model->head.grid.direction[3 * r + face / 2];
   return inset;
 }
 
-/* Sixteen voxels of a column. */
-static void add_slice(const building *b, const pile *to, const uint64_t *row, size_t row_words, int x, int y, int z) {
-  const int nx = b->model->head.grid.dims[0];
-  const window here = {row, nx, b->words}, before = {row - row_words, nx, b->words},
-               behind = {row + row_words, nx, b->words};
+/* Sixteen voxels of a column, from `first` on. */
+static void add_slice(const building *b, const pile *to, const place *first) {
+  const int x = first->at[0], z = first->at[2];
+  const window here = window_of(b, first, 0), before = window_of(b, first, -1), behind = window_of(b, first, 1);
   const uint32_t wide = wide_slice(&here, x, z), filled = wide >> 2 & 0xffff;
   const uint32_t open[6] = {~(uint32_t)slice(&here, x - 1, z),
                             ~(uint32_t)slice(&here, x + 1, z),
@@ -252,11 +261,11 @@ static void add_slice(const building *b, const pile *to, const uint64_t *row, si
     unsigned faces = 0;
     for (int f = 0; f < 6; f++) faces |= (open[f] >> i & 1) << f;
     double normal[3] = {0}, distance = 0;
-    if (faces) distance = find_normal(b, row, row_words, x, y, z + i, faces, normal);
-    const uint8_t inset = !faces           ? 0
-                          : is_thin(faces) ? thin_inset(b, row, row_words, x, z + i, distance, normal)
-                                           : packed_distance(distance);
-    add_word(to, x, y, z + i, faces, normal, inset);
+    place p = *first;
+    p.at[2] += i;
+    if (faces) distance = find_normal(b, &p, faces, normal);
+    const uint8_t inset = !faces ? 0 : is_thin(faces) ? thin_inset(b, &p, distance, normal) : packed_distance(distance);
+    add_word(to, p.at, faces, normal, inset);
   }
 }
 
@@ -277,10 +286,10 @@ static void build_layer(void *context, int layer, int worker) {
       }
       begin_brick(&p, bx, layer, bz, false);
       for (int y = y0; y < MIN(y0 + TC_SPLAT_BRICK, dims[1]); y++) {
-        const uint64_t *row = bits + (size_t)(y - y0 + REACH) * row_words;
-        for (int x = bx * TC_SPLAT_BRICK; x < MIN((bx + 1) * TC_SPLAT_BRICK, dims[0]); x++)
-          if (slice(&(window){row, dims[0], b->words}, x, bz * TC_SPLAT_BRICK))
-            add_slice(b, &p, row, row_words, x, y, bz * TC_SPLAT_BRICK);
+        place at = {bits + (size_t)(y - y0 + REACH) * row_words, (ptrdiff_t)row_words, {0, y, bz * TC_SPLAT_BRICK}};
+        const window row = window_of(b, &at, 0);
+        for (at.at[0] = bx * TC_SPLAT_BRICK; at.at[0] < MIN((bx + 1) * TC_SPLAT_BRICK, dims[0]); at.at[0]++)
+          if (slice(&row, at.at[0], at.at[2])) add_slice(b, &p, &at);
       }
       end_brick(&p);
     }
@@ -351,7 +360,7 @@ static void cut_run(const cutting *c, int x, int y, int z0, int z1) {
     if (!faces) continue;
     double normal[3];
     to_lps(&c->model->head.grid, (double[]){-plane[0], -plane[1], -plane[2]}, normal);
-    add_word(&c->out, x, y, z, faces, normal,
+    add_word(&c->out, (int[]){x, y, z}, faces, normal,
              is_thin(faces) ? 0 : packed_distance(distance(plane, x, y, z) / length3(plane)));
   }
 }

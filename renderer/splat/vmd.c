@@ -163,22 +163,21 @@ static void count_runs(tc_vmd *v) {
       v->voxels += (uint64_t)run.count;
 }
 
-tc_vmd *tc_vmd_new(int version, const tc_vmd_head *head, const int first[2], const int size[2], const uint32_t *lengths,
-                   uint8_t *bytes, GError **error) {
-  const size_t cells = (size_t)size[0] * (size_t)size[1];
+tc_vmd *tc_vmd_new(int version, const tc_vmd_head *head, const tc_vmd_columns *of, GError **error) {
+  const size_t cells = (size_t)of->size[0] * (size_t)of->size[1];
   tc_vmd *v = calloc(1, sizeof *v);
   if (v) {
     v->head = *head, v->version = version;
-    for (int k = 0; k < 2; k++) v->first[k] = first[k], v->size[k] = size[k];
-    for (size_t i = 0; i < cells; i++) v->columns += lengths[i] != 0;
+    for (int k = 0; k < 2; k++) v->first[k] = of->first[k], v->size[k] = of->size[k];
+    for (size_t i = 0; i < cells; i++) v->columns += of->lengths[i] != 0;
   }
-  if (!v || !allocate(v, lengths, cells)) {
+  if (!v || !allocate(v, of->lengths, cells)) {
     tc_vmd_free(v);
     tc_set_error(error, TC_ERROR_MEMORY, NULL, "voxel model: no memory for %zu columns", cells);
     return NULL;
   }
-  set_index(v, lengths, cells);
-  v->bytes = bytes;
+  set_index(v, of->lengths, cells);
+  v->bytes = of->bytes;
   count_runs(v);
   return v;
 }

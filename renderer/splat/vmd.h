@@ -145,10 +145,15 @@ void tc_vmd_normal(const tc_vmd_attribute *attribute, const uint8_t *record, dou
 /* A tc_splat_normals.of: the model's own attribute "normal"; zero where there is none. The distance is unknown. */
 double tc_vmd_own_normal(const void *vmd, int x, int y, int z, double normal[3]);
 
-/* For decoding and making: the columns' lengths in bytes, [size y][size x], 0 for none, become the index. Takes `bytes`
- * (g_malloc) on success. */
-tc_vmd *tc_vmd_new(int version, const tc_vmd_head *head, const int first[2], const int size[2], const uint32_t *lengths,
-                   uint8_t *bytes, GError **error);
+/* The columns of a model in the making: of a rectangle of the grid, from first on. */
+typedef struct tc_vmd_columns {
+  int first[2], size[2];
+  uint32_t *lengths; /* [size y][size x] bytes; 0: no column */
+  uint8_t *bytes;    /* of all columns, in order; g_malloc */
+} tc_vmd_columns;
+
+/* For decoding and making: copies the lengths, takes the bytes on success. */
+tc_vmd *tc_vmd_new(int version, const tc_vmd_head *head, const tc_vmd_columns *columns, GError **error);
 
 /* A number of up to five bytes, seven bits in each, least first, the eighth set in all but the last. */
 static inline uint32_t tc_vmd_varint(const uint8_t **at) {

@@ -345,7 +345,8 @@ static tc_vmd *index_body(const header *h, const uint8_t *body, GError **error) 
     const size_t size = h->body - (size_t)(at - body);
     uint8_t *bytes = g_try_malloc(size + 1);
     if (bytes) memcpy(bytes, at, size);
-    if (bytes) v = tc_vmd_new(h->version, &h->head, h->first, h->size, lengths, bytes, error);
+    const tc_vmd_columns columns = {{h->first[0], h->first[1]}, {h->size[0], h->size[1]}, lengths, bytes};
+    if (bytes) v = tc_vmd_new(h->version, &h->head, &columns, error);
     if (!bytes) tc_set_error(error, TC_ERROR_MEMORY, NULL, "voxel model: no memory for %zu bytes", size);
     if (!v) g_free(bytes);
     if (v && h->differences) take_differences(v, v->bytes, true);

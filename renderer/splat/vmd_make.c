@@ -139,32 +139,32 @@ static void find_rectangle(const making *m, int first[2], int size[2]) {
 }
 
 static tc_vmd *join(const making *m, GError **error) {
-  int first[2], size[2];
+  tc_vmd_columns to = {0};
   uint64_t total = 0;
   for (int y = 0; y < m->dims[1]; y++) total += m->rows[y].bytes->len;
   if (total > UINT32_MAX) {
     tc_set_error(error, TC_ERROR_LIMIT, NULL, "voxel model: more than 4 GiB; fewer voxels or attributes are wanted");
     return NULL;
   }
-  find_rectangle(m, first, size);
-  uint8_t *bytes = g_try_malloc(total + 1);
-  uint32_t *lengths = calloc((size_t)size[0] * (size_t)size[1] + 1, sizeof *lengths);
+  find_rectangle(m, to.first, to.size);
+  to.bytes = g_try_malloc(total + 1);
+  to.lengths = calloc((size_t)to.size[0] * (size_t)to.size[1] + 1, sizeof *to.lengths);
   tc_vmd *v = NULL;
-  if (bytes && lengths) {
+  if (to.bytes && to.lengths) {
     size_t at = 0;
     for (int y = 0; y < m->dims[1]; y++) {
-      if (m->rows[y].bytes->len) memcpy(bytes + at, m->rows[y].bytes->data, m->rows[y].bytes->len);
+      if (m->rows[y].bytes->len) memcpy(to.bytes + at, m->rows[y].bytes->data, m->rows[y].bytes->len);
       at += m->rows[y].bytes->len;
     }
-    for (int y = 0; y < size[1]; y++)
-      memcpy(lengths + (size_t)y * (size_t)size[0], m->rows[first[1] + y].lengths + first[0],
-             (size_t)size[0] * sizeof *lengths);
-    v = tc_vmd_new(TC_VMD_VERSION, &m->source->head, first, size, lengths, bytes, error);
+    for (int y = 0; y < to.size[1]; y++)
+      memcpy(to.lengths + (size_t)y * (size_t)to.size[0], m->rows[to.first[1] + y].lengths + to.first[0],
+             (size_t)to.size[0] * sizeof *to.lengths);
+    v = tc_vmd_new(TC_VMD_VERSION, &m->source->head, &to, error);
   } else {
     tc_set_error(error, TC_ERROR_MEMORY, NULL, "voxel model: no memory for %" G_GUINT64_FORMAT " bytes", total);
   }
-  free(lengths);
-  if (!v) g_free(bytes);
+  free(to.lengths);
+  if (!v) g_free(to.bytes);
   return v;
 }
 

@@ -87,7 +87,8 @@ static truth *find_truth(tc_volume *volume, const tc_volume *labels, const tc_sc
   }
   for (int i = 0; i < scene->clip.n_planes; i++) memcpy(planes[n++], scene->clip.planes[i], sizeof *planes);
   t->mesh = surfaces(volume, labels, scene);
-  tc_mesh_view_set_up(&t->view, t->mesh, &scene->camera, SIDE, SIDE, (const double(*)[4])planes, n);
+  tc_mesh_view_set_up(&t->view, t->mesh, &scene->camera, SIDE, SIDE);
+  tc_mesh_view_clip(&t->view, t->mesh, (const double(*)[4])planes, n);
   t->polygons = calloc(t->mesh->n_triangles + 1, sizeof *t->polygons);
   uint32_t number = 0;
   for (size_t c = 0; c < t->mesh->n; c++)

@@ -221,7 +221,7 @@ TEST(choices_are_bounded_in_pixels) {
     tc_camera camera;
     tc_mesh_view view;
     look(&camera, i & 2 ? TC_ORTHOGRAPHIC : TC_PERSPECTIVE, apart, i & 2 ? apart : 40);
-    tc_mesh_view_set_up(&view, c, &camera, 300, 200, NULL, 0);
+    tc_mesh_view_set_up(&view, c, &camera, 300, 200);
     const size_t n = tc_levels_choose(c, &view, pixels, level);
     double most = 0;
     for (size_t k = 0; k < c->n; k++) {

@@ -52,7 +52,8 @@ static inline bool try_draw(const tc_clusters *mesh, const drawing *d, picture *
                       several[5][2] = {{-0.4, 0}, {-0.2, 0.381}, {0, -0.236}, {0.2, 0.145}, {0.4, -0.472}};
   const tc_raster_surface one_surface = {{1, 0.5f, 0.25f}, 1, d->one_sided};
   tc_mesh_view view;
-  tc_mesh_view_set_up(&view, mesh, &d->camera, d->width, d->height, d->clip, d->n_clip);
+  tc_mesh_view_set_up(&view, mesh, &d->camera, d->width, d->height);
+  tc_mesh_view_clip(&view, mesh, d->clip, d->n_clip);
   const tc_raster_look look = {.shaded = d->shaded, .n_lights = 1, .lights = {{.at_camera = true, .color = {1, 1, 1}}},
                                .factor = {0.2f, 0.7f}, .specular = d->samples > 1 ? 0.3f : 0, .shininess = 30};
   const tc_raster_job job = {.mesh = mesh, .view = &view, .kernels = tc_raster_kernels_named(d->isa ? d->isa : "scalar"),
