@@ -5,12 +5,12 @@
  * of the machine's speed falls on all alike; the first of every batch is the same setting, the anchor, which shows
  * drift between batches. */
 #include <math.h>
-#include <pthread.h>
 #include <stdlib.h>
 #include <string.h>
 
 #include "renderer/reference/reference.h"
 #include "server/bench/difference.h"
+#include "server/bench/parallel.h"
 #include "server/bench/report.h"
 #include "server/bench/timing.h"
 
@@ -126,26 +126,23 @@ typedef struct truth_job {
   const tcs_report_bench *bench;
   const tc_reference *reference;
   truth *truth;
-  atomic_int next;
 } truth_job;
 
 /* Rows of the picture, then pixels whose area is integrated. */
-static void *find_truth(void *data) {
+static void find_truth(void *data, int i) {
   truth_job *job = data;
   truth *t = job->truth;
-  for (int i; (i = atomic_fetch_add(&job->next, 1)) < t->side + t->n_area && !atomic_load(&job->bench->stop->cancel);) {
-    if (i >= t->side) {
-      int pixel = t->area_pixels[i - t->side];
-      area_mean(job->reference, pixel % t->side, pixel / t->side, t->areas + 4 * (i - t->side));
-      continue;
-    }
-    for (int x = 0; x < t->side; x++) {
-      double rgba[4];
-      tc_reference_pixel(job->reference, x + 0.5, i + 0.5, rgba);
-      for (int c = 0; c < 4; c++) t->centres[4 * (i * t->side + x) + c] = (float)rgba[c];
-    }
+  if (atomic_load(&job->bench->stop->cancel)) return;
+  if (i >= t->side) {
+    int pixel = t->area_pixels[i - t->side];
+    area_mean(job->reference, pixel % t->side, pixel / t->side, t->areas + 4 * (i - t->side));
+    return;
   }
-  return NULL;
+  for (int x = 0; x < t->side; x++) {
+    double rgba[4];
+    tc_reference_pixel(job->reference, x + 0.5, i + 0.5, rgba);
+    for (int c = 0; c < 4; c++) t->centres[4 * (i * t->side + x) + c] = (float)rgba[c];
+  }
 }
 
 static tc_reference *reference_of(tcs_report_bench *b, tc_filter filter, int side, GError **error) {
@@ -161,7 +158,7 @@ static tc_reference *reference_of(tcs_report_bench *b, tc_filter filter, int sid
  */
 static bool choose_side(tcs_report_bench *b, tc_filter filter, int most, int *side, GError **error) {
   enum { PROBES = 128 };
-  double budget_ms = (b->options.quick ? 350 : 10000) * tc_renderer_about(b->renderers[TC_BACKEND_CPU])->threads;
+  double budget_ms = (b->options.quick ? 250 : 10000) * tc_renderer_about(b->renderers[TC_BACKEND_CPU])->threads;
   tc_reference *r = reference_of(b, filter, 256, error);
   if (!r) return false;
   double rgba[4], start = tcs_now_ms();
@@ -203,12 +200,7 @@ static const truth *truth_of(tcs_report_bench *b, tc_filter filter) {
     return t;
   }
   lay_out(t, side);
-  pthread_t helpers[64];
-  int started = 0, wanted = tc_renderer_about(b->renderers[TC_BACKEND_CPU])->threads;
-  while (started < wanted - 1 && started < 64 && pthread_create(&helpers[started], NULL, find_truth, &job) == 0)
-    started++;
-  find_truth(&job);
-  for (int i = 0; i < started; i++) pthread_join(helpers[i], NULL);
+  tcs_parallel(tc_renderer_about(b->renderers[TC_BACKEND_CPU])->threads, t->side + t->n_area, find_truth, &job);
   tc_reference_free((tc_reference *)job.reference);
   return t;
 }

@@ -8,6 +8,8 @@ char *tcs_report_page(const char *json) {
   GString *page = g_string_new(file_named("report.html")), *data = g_string_new(json);
   g_string_replace(data, "<", "\\u003c", 0); /* no text of a volume's ends the script early */
   g_string_replace(page, "/*CHART*/", file_named("report_chart.js"), 1);
+  g_string_replace(page, "/*SCENES*/", file_named("report_scenes.js"), 1);
+  g_string_replace(page, "/*OBJECTS*/", file_named("report_objects.js"), 1);
   g_string_replace(page, "/*REPORT*/", file_named("report.js"), 1);
   g_string_replace(page, "/*DATA*/", data->str, 1);
   g_string_free(data, TRUE);

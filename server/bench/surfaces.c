@@ -5,27 +5,40 @@
 
 #include "renderer/mesh/measure.h"
 #include "renderer/reference/reference.h"
+#include "server/bench/parallel.h"
 #include "server/bench/timing.h"
 
-static const double errors_voxels[] = {0, 0.02, 0.05, 0.1, 0.25, 0.5, 1}; /* by quadrics, of the narrowest voxel */
+enum { LEVELS = 7 };
+static const double errors_voxels[LEVELS] = {0, 0.02, 0.05, 0.1, 0.25, 0.5, 1}; /* by quadrics, of the narrowest voxel */
 
 /* ---- errors ---- */
 
-float *tcs_surface_truth(tc_volume *volume, const tc_scene *scene, int side, GError **error) {
+typedef struct roots {
+  const tc_reference *reference;
+  int side;
+  float *depth;
+} roots;
+
+static void find_row(void *context, int y) {
+  const roots *r = context;
+  for (int x = 0; x < r->side; x++) {
+    tc_reference_hit hit;
+    const bool met = tc_reference_surface(r->reference, x + 0.5, y + 0.5, &hit);
+    r->depth[y * r->side + x] = met ? (float)hit.distance_mm : INFINITY;
+  }
+}
+
+float *tcs_surface_truth(tc_volume *volume, const tc_scene *scene, int side, int threads, GError **error) {
   tc_scene own;
   tc_scene_copy(&own, scene);
   own.mode = TC_MODE_ISOSURFACE;
   tc_reference *reference = tc_reference_new(volume, &own, side, side, 0, error);
   tc_scene_clear(&own);
   if (!reference) return NULL;
-  float *truth = g_new(float, (size_t)side *(size_t)side);
-  for (int i = 0; i < side * side; i++) {
-    tc_reference_hit hit;
-    const bool met = tc_reference_surface(reference, i % side + 0.5, i / side + 0.5, &hit);
-    truth[i] = met ? (float)hit.distance_mm : INFINITY;
-  }
+  roots r = {reference, side, g_new(float, (size_t)side *(size_t)side)};
+  tcs_parallel(threads, side, find_row, &r);
   tc_reference_free(reference);
-  return truth;
+  return r.depth;
 }
 
 /* A neighbour has none. */
@@ -111,25 +124,38 @@ static bool measure_mesh(const measuring *m, const tc_scene *scene, tc_mesh *mes
   return json != NULL;
 }
 
+typedef struct simplifying {
+  double voxel; /* mm */
+  tc_mesh *level[LEVELS];
+  GError *error[LEVELS];
+} simplifying;
+
+/* The coarsest first, since it takes longest. */
+static void simplify(void *context, int index) {
+  simplifying *s = context;
+  const int i = LEVELS - 1 - index;
+  if (i) s->level[i] = tc_mesh_simplify(s->level[0], errors_voxels[i] * s->voxel, 0, &s->error[i]);
+}
+
 static bool measure_levels(const measuring *m, const tc_scene *scene, cJSON *to, GError **error) {
   const double *spacing = tc_volume_describe(m->volume)->spacing;
-  const double voxel = fmin(spacing[0], fmin(spacing[1], spacing[2]));
-  tc_mesh *full = tc_mesh_extract(m->volume, scene->isosurface.value, &(tc_mesh_options){.normals = true}, error);
-  bool good = full != NULL;
-  for (size_t i = 0; i < G_N_ELEMENTS(errors_voxels) && good; i++) {
-    const double by = errors_voxels[i] * voxel;
-    tc_mesh *mesh = i ? tc_mesh_simplify(full, by, 0, error) : tc_mesh_ref(full);
-    good = mesh && (!mesh->n_triangles || measure_mesh(m, scene, mesh, by, to, error));
+  simplifying s = {.voxel = fmin(spacing[0], fmin(spacing[1], spacing[2]))};
+  s.level[0] = tc_mesh_extract(m->volume, scene->isosurface.value, &(tc_mesh_options){.normals = true}, &s.error[0]);
+  if (s.level[0]) tcs_parallel(tc_renderer_about(m->renderer)->threads, LEVELS, simplify, &s);
+  bool good = true;
+  for (int i = 0; i < LEVELS && good; i++) {
+    tc_mesh *mesh = s.level[i];
+    if (!mesh) g_propagate_error(error, g_steal_pointer(&s.error[i]));
+    good = mesh && (!mesh->n_triangles || measure_mesh(m, scene, mesh, errors_voxels[i] * s.voxel, to, error));
     if (mesh) tc_renderer_forget_mesh(m->renderer, mesh->serial);
-    tc_mesh_free(mesh);
   }
-  tc_mesh_free(full);
+  for (int i = 0; i < LEVELS; i++) tc_mesh_free(s.level[i]), g_clear_error(&s.error[i]);
   return good;
 }
 
 cJSON *tcs_surface_levels(tc_renderer *renderer, tc_volume *volume, const tc_scene *scene, int runs, int side,
                           GError **error) {
-  float *truth = tcs_surface_truth(volume, scene, side, error);
+  float *truth = tcs_surface_truth(volume, scene, side, tc_renderer_about(renderer)->threads, error);
   if (!truth) return NULL;
   const measuring m = {renderer, volume, truth, runs, side};
   cJSON *json = cJSON_CreateArray(), *rays = NULL;

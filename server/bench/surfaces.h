@@ -18,7 +18,7 @@ typedef struct tcs_surface_error {
 
 /* The depths [side][side] of the exact isosurface of a scene, INFINITY where there is none; g_free() them. Every ray
  * goes through a pixel's middle. */
-float *tcs_surface_truth(tc_volume *volume, const tc_scene *scene, int side, GError **error);
+float *tcs_surface_truth(tc_volume *volume, const tc_scene *scene, int side, int threads, GError **error);
 void tcs_surface_compare(const float *depth, const float *truth, int side, tcs_surface_error *out);
 
 /* The mesh of the scene's isosurface, simplified ever further: [{"errorMm", "triangles", "ms", "outlinePixels",

@@ -1,0 +1,227 @@
+// What report.json says of solid objects: splats, rays and triangles, and how far simplified surfaces are off.
+'use strict';
+
+const WAYS = { splat: 'splats', isosurface: 'ray-cast isosurface', mesh: 'triangles' };
+const ways = Object.keys(objects[0]?.ms ?? {});
+const percent = (share) => `${digits(100 * share, 2)} %`;
+const fastestOf = (times) => ways.reduce((best, way) => (times[way] < times[best] ? way : best));
+const byFilled = [...objects].sort((a, b) => a.filled - b.filled);
+
+// Where two ways change places as an object fills more of its grid: between two measured objects, on a straight line over
+// logarithms; for the times that were measured, and for those that the plan expects.
+function crossings(first, second, member) {
+  const ratio = (object) => Math.log(object[member][first] / object[member][second]);
+  return byFilled.slice(1).flatMap((right, i) => {
+    const left = byFilled[i];
+    const [a, b] = [ratio(left), ratio(right)];
+    if (a < 0 === b < 0) return [];
+    const at = left.filled * (right.filled / left.filled) ** (a / (a - b));
+    return [`at ${percent(at)} (${WAYS[a < 0 ? first : second]} below)`];
+  });
+}
+
+function lineBetween(first, second) {
+  const wins = byFilled.filter(({ ms }) => ms[first] < ms[second]).length;
+  const said = (member) => crossings(first, second, member).join(' and ') || 'nowhere here';
+  return (
+    `${WAYS[first]} against ${WAYS[second]}: faster on ${wins} of ${objects.length}; they change places ` +
+    `${said('ms')}; by the plan ${said('expectedMs')}.`
+  );
+}
+
+const waySeries = (member, pointOf, more) =>
+  ways.map((way, i) => ({
+    name: `${WAYS[way]}${more?.name ?? ''}`,
+    color: i,
+    ...more?.style,
+    points: byFilled.map((object) => ({ x: 100 * object.filled, ...pointOf(object[member][way], object, way) })),
+  }));
+
+function objectTimes() {
+  const point = (ms, { title }, way) => ({ y: ms, tip: `${title}, ${WAYS[way]}: ${digits(ms)} ms` });
+  return figure({
+    title: 'Time over how much of the grid is filled',
+    xLabel: '% of voxels filled',
+    yLabel: 'ms a frame',
+    caption:
+      'Rings: what the plan expects, by rates fitted to another machine; their ratio is what it names the cheaper by.',
+    series: [
+      ...waySeries('ms', point, { style: { line: true } }),
+      ...waySeries('expectedMs', point, { name: ', plan', style: { hollow: true } }),
+    ],
+  });
+}
+
+function objectErrors() {
+  return figure({
+    title: 'Error against the reference',
+    xLabel: '% of voxels filled',
+    yLabel: 'rms error',
+    guides: BOUNDS,
+    caption:
+      "Reference: the exact surface of the threshold. Splats show voxels, whose outline is the grid's; they differ most " +
+      'where most outline is.',
+    series: waySeries(
+      'errors',
+      ({ rms, rmsLow, rmsHigh }, { title }, way) => ({
+        y: rms,
+        low: rmsLow,
+        high: rmsHigh,
+        tip: `${title}, ${WAYS[way]}: rms ${digits(rms, 2)}`,
+      }),
+      { style: { line: true } },
+    ),
+  });
+}
+
+// The surface of the object in the middle, by ever fewer triangles.
+const simplified = byFilled.filter(({ surface }) => surface);
+const subject = simplified[simplified.length >> 1];
+const meshes = subject?.surface.filter(({ triangles }) => triangles) ?? [];
+const count = new Intl.NumberFormat('en').format;
+
+function surfaceFigure(title, yLabel, caption, series) {
+  return figure({
+    title,
+    xLabel: 'triangles kept',
+    yLabel,
+    caption,
+    series: series.map(([name, member], i) => ({
+      name,
+      color: i,
+      line: true,
+      points: meshes.map((mesh) => ({
+        x: mesh.triangles,
+        y: mesh[member],
+        tip: `${count(mesh.triangles)} triangles: ${digits(mesh[member])} ${yLabel}`,
+      })),
+    })),
+  });
+}
+
+function surfaceTable() {
+  const names = [
+    'triangles',
+    'simplified to',
+    'time',
+    'outline off by',
+    'pixels missed',
+    'depth, median',
+    '99 %',
+    'most',
+  ];
+  const cells = (row) => [
+    row.triangles ? count(row.triangles) : 'ray-cast isosurface',
+    row.triangles ? `${digits(row.errorMm)} mm` : '-',
+    `${digits(row.ms)} ms`,
+    `${digits(row.outlinePixels, 2)} pixels`,
+    String(row.missed),
+    ...[row.depthP50Mm, row.depthP99Mm, row.depthMaxMm].map((mm) => `${digits(mm, 2)} mm`),
+  ];
+  return stackedTable(
+    names,
+    subject.surface.map((row) => cells(row).map((cell) => [cell])),
+  );
+}
+
+function surfaceSection() {
+  if (!meshes.length) return null;
+  return html(
+    'section',
+    { id: 'surface' },
+    html('h2', {}, 'Surfaces: triangles, error and time'),
+    html(
+      'p',
+      {},
+      `${subject.title}, its surface as triangles, simplified ever further, against the exact trilinear isosurface (the ` +
+        "reference's roots): how many pixels the outline is off on average, and how far depths are where both have a " +
+        'surface.',
+    ),
+    html(
+      'div',
+      { class: 'charts' },
+      surfaceFigure('Error over triangles', 'mm or pixels', 'Depth along the rays; an outline of 1 is a pixel off.', [
+        ['depth, median mm', 'depthP50Mm'],
+        ['depth, 99 % mm', 'depthP99Mm'],
+        ['outline, pixels', 'outlinePixels'],
+      ]),
+      surfaceFigure('Time over triangles', 'ms a frame', 'A frame of the whole surface, cpu.', [['mesh', 'ms']]),
+    ),
+    surfaceTable(),
+  );
+}
+
+// Rows of cells, each a list of children; on a narrow screen a cell stands under its column's name.
+function stackedTable(names, rows, attributes) {
+  const head = names.map((name) => html('th', {}, name));
+  const row = (cells) =>
+    html(
+      'tr',
+      {},
+      cells.map((cell, i) => html('td', { 'data-label': names[i] }, cell.filter(Boolean))),
+    );
+  return html(
+    'div',
+    { class: 'wide' },
+    html(
+      'table',
+      { class: 'stack', ...attributes },
+      html('thead', {}, html('tr', {}, head)),
+      html('tbody', {}, rows.map(row)),
+    ),
+  );
+}
+
+function objectTable() {
+  const names = ['object', 'filled', ...ways.map((way) => WAYS[way]), 'fastest', 'by the plan'];
+  const cells = ({ title, filled, ms, expectedMs, errors }) => [
+    [title],
+    [percent(filled)],
+    ...ways.map((way) => [
+      `${digits(ms[way])} ms`,
+      html('small', {}, `rms ${digits(errors[way].rms, 2)}, \u0394E ${digits(errors[way].ciede2000, 2)}`),
+    ]),
+    [WAYS[fastestOf(ms)]],
+    [WAYS[fastestOf(expectedMs)]],
+  ];
+  return stackedTable(names, byFilled.map(cells));
+}
+
+// Over how much is filled and the picture's size: the faster of splats and rays, by how much, and where the plan names the
+// other.
+function sizesTable() {
+  const sized = byFilled.map((object) => [...(object.sizes ?? []), object].sort((a, b) => a.size - b.size));
+  const cell = ({ ms, expectedMs }) => {
+    const [fast, slow] = ms.splat < ms.isosurface ? ['splat', 'isosurface'] : ['isosurface', 'splat'];
+    const text = `${WAYS[fast]}, ${digits(ms[slow] / ms[fast], 2)} x`;
+    return [text, expectedMs[fast] < expectedMs[slow] ? null : html('small', {}, `plan: ${WAYS[slow]}`)];
+  };
+  const names = ['filled', ...sized[0].map(({ size }) => `${size} pixels`)];
+  const rows = sized.map((sizes, i) => [[percent(byFilled[i].filled)], ...sizes.map(cell)]);
+  return stackedTable(names, rows, { id: 'sizes' });
+}
+
+function objectsSection() {
+  if (!objects.length) return null;
+  const [first, ...others] = ways;
+  return html(
+    'section',
+    { id: 'objects' },
+    html('h2', {}, 'Objects: splats, rays or triangles'),
+    html(
+      'p',
+      {},
+      'The opaque object of a threshold, lit, drawn in each mode that can, cpu: voxels as splats, the isosurface by ray ' +
+        'casting, its triangles. Rays pay for what is empty before them, splats and triangles for what is filled.',
+    ),
+    html(
+      'ul',
+      {},
+      others.map((way) => html('li', {}, lineBetween(first, way))),
+    ),
+    html('div', { class: 'charts' }, objectTimes(), objectErrors()),
+    objectTable(),
+    html('h3', {}, 'Splats or rays: the faster, and how many times'),
+    sizesTable(),
+  );
+}
