@@ -1,9 +1,8 @@
-/* Gradients over index coordinates, for shading: central differences and the cubic B-spline's derivative; the
- * trilinear cell's own gradient comes with its samples (field_tmpl.h). One function per voxel type, called and not
- * inlined. */
+/* Gradients in index coordinates for shading: central differences, and the derivative of the cubic B-spline. The gradient
+ * of the trilinear cell comes with the sample (field_tmpl.h). One function per voxel type, called and not inlined. */
 
-/* The lines along x, at taps [z][y], between which central differences lie: the field on them, and its slope on those
- * of the cell itself. */
+/* The 4x4 grid lines along x around a sample, [z][y]: the field interpolated along each line, and the central difference
+ * along x on the four lines of the sample's cell. The corners of the 4x4 are not used. */
 typedef struct lines {
   vf field[4][4], slope[3][3];
 } lines;
@@ -29,8 +28,9 @@ V_INLINE void gather_lines(const tc_cpu_args *args, int type, const taps t[3], c
 }
 
 #ifdef V_NEAR
-/* The same from six neighbourhoods of 4x4x4 voxels, each a voxel further along an axis, where all cells of the lanes
- * that need a gradient fit, away from the volume's faces. Returns whether they do. */
+/* The same from register neighbourhoods of 4x4x4 voxels (neighbourhood_tmpl.h): six of them, shifted by one voxel to either
+ * side of each axis. False: the cells of the lanes that need a gradient do not fit in one neighbourhood, or are too close to
+ * a face of the volume. */
 V_INLINE bool near_lines(const tc_cpu_args *args, int type, const taps t[3], vm needs, lines *l) {
   const ptrdiff_t along[3] = {1, args->grid.row, args->grid.slice};
   const vf half = v_set(0.5f), bias = v_set(bias_of(type)), f = t[0].f;
@@ -68,8 +68,8 @@ V_INLINE bool near_lines(const tc_cpu_args *args, int type, const taps t[3], vm 
 }
 #endif
 
-/* Central differences at the voxels around q, one-sided in a face, trilinearly interpolated: continuous across
- * cells. needs: the lanes whose gradient will be used. */
+/* Central differences at the eight voxels around q (one-sided at the volume's faces), trilinearly interpolated: continuous
+ * from cell to cell. needs: the lanes whose gradient will be used. */
 V_INLINE void central(const tc_cpu_args *args, int type, const vf q[3], vm needs, vf gradient[3]) {
   taps t[3];
   vf scale[3][2];
@@ -108,7 +108,7 @@ CENTRAL(u16, TC_U16)
 CENTRAL(i16, TC_I16)
 CENTRAL(f32, TC_F32)
 
-/* The gradient at mm t along the rays, by central differences or the cubic derivative. */
+/* The gradient at t mm along the rays: central differences or the cubic's derivative. */
 V_INLINE void gradient_at(const tc_cpu_args *args, variant v, const packet *p, vf t, vm needs, vf gradient[3]) {
   vf q[3];
   if (v.gradient == TC_GRADIENT_CUBIC) {

@@ -1,18 +1,19 @@
-/* The first hit of a packet's rays with an isosurface (raycast/surface.h).
+/* Ray-isosurface intersection: the first hit of each ray of a packet (raycast/surface.h).
  *
- * Every ray walks its own cells. Its position follows from the parameter t alone: along each axis it passes the cell
- * wall at w when t = (w - entry) / dir, computed and not accumulated. A jump over empty space ends at a wall's t as
- * well, so a ray that jumped is exactly where it would be had it walked, and no bit depends on empty-space skipping. */
+ * Each ray traverses its own cells. The ray parameter t alone determines the cell: the ray crosses the cell wall at w
+ * when t = (w - entry) / dir, which is computed for each wall and never accumulated. Empty-space leaps end at a wall's t,
+ * too. A ray that leaped is therefore in the same cell as a ray that walked, and the picture does not depend on
+ * empty-space skipping in any bit. */
 
 #include <math.h>
 
 #define NEVER 1e30f
 #define MOST_REFINEMENTS 32 /* a monotone cubic takes four or five Newton steps, more with a flat inflection */
 
-/* The cell that each ray is in. */
+/* Each ray's current cell. */
 typedef struct iso_cell {
-  vf at[3];       /* its corner of least index; beyond the last cell once the ray has left the volume */
-  vf w[8];        /* at the corners: +x bit 0, +y bit 1, +z bit 2 */
+  vf at[3];       /* index of the cell's first corner; beyond the last cell once the ray has left the volume */
+  vf w[8];        /* scaled value less the iso value at the corners: +x bit 0, +y bit 1, +z bit 2 */
   vf from, until; /* mm along the ray: entry and exit */
   vf start[3], delta[3]; /* entry, and exit - entry, within the cell: 0..1 */
 } iso_cell;
@@ -21,7 +22,7 @@ V_INLINE vm m_pick(vm m, vm a, vm b) { return m_or(m_and(m, a), m_andnot(b, m));
 V_INLINE vm m_xor(vm a, vm b) { return m_or(m_andnot(a, b), m_andnot(b, a)); }
 V_INLINE vm is_inside(vf w) { return v_le(v_set(0), w); }
 
-/* The t at which rays pass index position `wall` along axis k; `never` for rays parallel to that wall. */
+/* The t at which rays cross the wall at index `wall` of axis k; `never` for rays parallel to the wall. */
 V_INLINE vf wall_time(const packet *p, int k, vf wall, float never) {
   vm across = v_le(v_set(1e-12f), v_abs(p->dir[k]));
   return v_select(across, (wall - p->entry[k]) * p->inverse[k], v_set(never));
@@ -29,12 +30,12 @@ V_INLINE vf wall_time(const packet *p, int k, vf wall, float never) {
 
 V_INLINE vf goes_up(const packet *p, int k) { return v_select(v_lt(v_set(0), p->dir[k]), v_set(1), v_set(0)); }
 
-/* The cells that the rays are in once they have passed all walls up to t. */
+/* The rays' cells after all walls up to t. */
 V_INLINE void find_cells(const tc_cpu_args *args, const packet *p, vf t, vf at[3]) {
   for (int k = 0; k < 3; k++) {
     vf q = v_min(v_max(v_fma(t, p->dir[k], p->entry[k]), v_set(0)), v_set(args->grid.last[k]));
     vf c = v_float(v_trunc(q)), front = goes_up(p, k), step = front + front - v_set(1);
-    /* rounding may put a ray on the wrong side of a wall: its t decides */
+    /* rounding may put the position on the wrong side of a wall: the wall's t decides */
     vm early = v_lt(t, wall_time(p, k, c + v_set(1) - front, -NEVER));
     c = v_select(early, c - step, c);
     vm late = m_andnot(v_le(wall_time(p, k, c + front, NEVER), t), early);
@@ -64,7 +65,7 @@ V_INLINE void fetch_corners(const tc_cpu_args *args, variant v, iso_cell *c) {
   }
 }
 
-/* Rays whose cell has a gap (tc_volume_gaps) among its corners: no surface is in it. */
+/* Rays whose cell has a corner without a value (tc_volume_gaps): such a cell has no surface. */
 V_INLINE vm is_blank(const tc_cpu_args *args, const iso_cell *c) {
   vi off = v_seti(0), none = v_seti(0);
   const int step[3] = {1, args->grid.row, args->grid.slice};
@@ -87,8 +88,8 @@ V_INLINE vf field_in(const iso_cell *c, vf u) {
   return v_fma(f[2], y[1] - y[0], y[0]);
 }
 
-/* Entry and exit within the cell, exactly on the faces that the ray passes: neighbouring cells agree on the point
- * they share. */
+/* Entry and exit in the cell's coordinates, exactly 0 or 1 on the faces that the ray crosses, so that neighbouring cells
+ * agree on their common point. */
 V_INLINE void place_in_cell(const tc_cpu_args *args, const packet *p, iso_cell *c) {
   for (int k = 0; k < 3; k++) {
     vf front = goes_up(p, k), back = v_set(1) - front, ends[2] = {c->from, c->until}, f[2];
@@ -138,12 +139,13 @@ V_INLINE void find_extrema(const vf d[3], vf *first, vf *second) {
   *second = v_max(r[0], r[1]);
 }
 
-/* The u at which the field first leaves the side `side`; *hit: the rays of `live` for which it does. */
+/* The first u at which the field crosses the iso value; side: whether the ray has been inside so far; *hit: the rays of
+ * `live` that have such a crossing. */
 V_INLINE vf first_change(const iso_cell *c, vm side, vm live, vm *hit) {
   vf d[3], end[4] = {v_set(0), v_set(1), v_set(1), v_set(1)}, a = v_set(0), b = v_set(0), fa = v_set(0), fb = v_set(0);
   derive(c, d);
   find_extrema(d, &end[1], &end[2]);
-  vm open = live; /* no change of side so far */
+  vm open = live; /* rays without a crossing so far */
   for (int i = 0; i < 4; i++) {
     vf f = field_in(c, end[i]);
     vm changes = m_and(open, m_xor(is_inside(f), side));
@@ -154,8 +156,8 @@ V_INLINE vf first_change(const iso_cell *c, vm side, vm live, vm *hit) {
     fa = v_select(open, f, fa);
   }
   *hit = m_andnot(live, open);
-  /* Newton from the chord's root; a step that leaves the bracket is replaced by bisection. a = b = 0: the entry is
-   * the root. */
+  /* Newton's method, started at the root of the chord; bisection replaces a step that leaves the bracket [a, b]. Where
+   * a = b = 0 the root is the entry. */
   vm busy = m_and(*hit, v_lt(a, b));
   vf x = v_select(busy, v_fma(b - a, fa / (fa - fb), a), b);
   for (int n = 0; n < MOST_REFINEMENTS && m_any(busy); n++) {
@@ -172,8 +174,8 @@ V_INLINE vf first_change(const iso_cell *c, vm side, vm live, vm *hit) {
   return x;
 }
 
-/* Empty-space skipping: rays in empty blocks jump to the end of the empty cube that the distance map promises around
- * their block. Returns the rays that jumped. */
+/* Empty-space leaping: rays in an empty block leap to the end of the empty cube around the block, whose size is the
+ * distance map's entry. Returns the rays that leaped. */
 V_INLINE vm leap_ahead(const tc_cpu_args *args, const packet *p, vf at[3], vf *t, vm live) {
   vf block[3], far = v_set(NEVER);
   for (int k = 0; k < 3; k++) {
@@ -201,10 +203,10 @@ V_INLINE vm leap_ahead(const tc_cpu_args *args, const packet *p, vf at[3], vf *t
 V_INLINE vf find_hits(const tc_cpu_args *args, variant v, const packet *p, vm *hit, tc_cpu_counts *counts) {
   iso_cell c;
   vf t = v_set(0), at_hit = v_set(0);
-  vm live = p->live, side = v_lt(v_set(1), v_set(0)), fresh = live; /* fresh: rays whose side at the entry is unknown */
+  vm live = p->live, side = v_lt(v_set(1), v_set(0)), fresh = live; /* side: inside; fresh: side not known yet */
   *hit = side;
   find_cells(args, p, t, c.at);
-  for (int k = 0; k < 3; k++) /* rounding may put the entry outside */
+  for (int k = 0; k < 3; k++) /* rounding may put the entry outside the volume */
     c.at[k] = v_min(v_max(c.at[k], v_set(0)), v_set((float)args->grid.cell_last[k]));
   for (int step = 0; keep_marching(args, live, counts, step); step++) {
     vm look = live;
@@ -212,7 +214,7 @@ V_INLINE vf find_hits(const tc_cpu_args *args, variant v, const packet *p, vm *h
       vm leapt = leap_ahead(args, p, c.at, &t, m_andnot(live, fresh));
       counts->leaps += m_any(leapt);
       live = m_and(live, m_and(within(args, c.at), v_lt(t, p->length)));
-      look = m_andnot(live, leapt); /* the block at the end of a jump may be empty too */
+      look = m_andnot(live, leapt); /* the block at the end of a leap may be empty, too */
       if (!m_any(look)) continue;
     }
     vf passed[3], until = v_set(NEVER);
@@ -234,7 +236,7 @@ V_INLINE vf find_hits(const tc_cpu_args *args, variant v, const packet *p, vm *h
       vm begins = m_pick(mixed, is_inside(field_in(&c, v_set(0))), all);
       side = m_pick(m_and(fresh, look), begins, side);
       fresh = m_andnot(fresh, look);
-      if (v.labels == TC_PLAN_GAPS) { /* behind it, what counts is the side where the ray leaves it */
+      if (v.labels == TC_PLAN_GAPS) { /* behind a gap the ray's side is that at the gap's end: no surface in the gap */
         side = m_pick(blank, m_pick(mixed, is_inside(field_in(&c, v_set(1))), all), side);
         may = m_andnot(may, blank);
       }
@@ -258,10 +260,10 @@ V_INLINE vf find_hits(const tc_cpu_args *args, variant v, const packet *p, vm *h
   return at_hit;
 }
 
-/* Gradient over index coordinates at mm t: differences between opposite faces of the cube two voxels wide around the
- * hit, each face being the mean of its four corners. */
+/* Gradient in index coordinates at t: differences between opposite faces of a cube two voxels wide around the hit. The
+ * value of a face is the mean of its four corners. */
 V_INLINE void surface_gradient(const tc_cpu_args *args, variant v, const packet *p, vf t, vf gradient[3]) {
-  packet probe = *p; /* rays of length 0 from the places themselves */
+  packet probe = *p; /* rays of length 0 that start at the corners */
   vf side[3][2];
   for (int k = 0; k < 3; k++) {
     vf q = v_fma(t, p->dir[k], p->entry[k]);
@@ -279,7 +281,7 @@ V_INLINE void surface_gradient(const tc_cpu_args *args, variant v, const packet 
     gradient[k] = v_set(0.25f) * gradient[k] / v_max(side[k][1] - side[k][0], v_set(1e-20f));
 }
 
-/* Depth output: mm from the eye to the hit, infinite without one; of several rays per pixel the least. */
+/* Depth output: mm from the eye to the hit, infinite without a hit; the least of a pixel's rays. */
 V_INLINE void store_depths(const tc_cpu_args *args, const packet *p, variant v, const place *at, vf t, vm hit) {
   vf i, j, view[3];
   ray_places(v, at, &i, &j);

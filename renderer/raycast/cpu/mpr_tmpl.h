@@ -1,15 +1,15 @@
-/* Planar reformats (MPR) of a packet: one sample per pixel, or a slab's maximum, minimum or mean, through the window
- * to grey (raycast/mpr.h). Nodes are tc_slice_window's (backend.h). */
+/* Multi-planar reformats (MPR) of a packet (raycast/mpr.h): one sample per pixel, or the maximum, minimum or mean of a slab,
+ * mapped to grey by the window. Values are table nodes of tc_slice_window (backend.h). */
 
-/* The slab's value; front: the value at the rays' entries. Samples lie at whole steps from the plane, on the plane
- * itself, so that a slab around a voxel never misses its peak, and at both ends. A ray at its end samples it again,
- * which changes nothing and needs no mask. With gaps, samples in them do not count, nor of the mean intervals whose
- * middle is in one; *met: rays on which something counted. */
+/* The slab's value; front: the sample at the rays' entries. Samples lie on the plane, at whole steps from the plane and at
+ * both ends of the slab, so that a slab around a voxel includes the voxel's peak. A ray that has reached its end samples the
+ * end again, which changes nothing and saves a mask. Samples in gaps are left out of maximum and minimum, intervals whose
+ * middle is in a gap out of the mean; *met: rays with at least one sample left. */
 V_INLINE vf cast_slab(const tc_cpu_args *args, variant v, int slab, const packet *p, vf front, vm *met,
                       tc_cpu_counts *counts) {
   const bool gaps = v.labels == TC_PLAN_GAPS;
   vf steps = p->start * v_set(args->rays.inverse_step),
-     first = v_float(v_trunc(steps)); /* the first whole step behind the entry */
+     first = v_float(v_trunc(steps)); /* the first whole step after the entry */
   first = v_select(v_le(first, steps), first + v_set(1), first);
   vf none = v_set(slab == TC_SLAB_MINIP ? args->nodes.last : 0);
   vf value = gaps ? v_select(*met, front, none) : front, sum = v_set(0), before = v_set(0), total = v_set(0);
