@@ -83,9 +83,9 @@ static bool check_grid(const tc_volume_desc *d, GError **error) {
       return false;
     }
   }
-  if (!isfinite(d->slope) || d->slope == 0 || !isfinite(d->intercept)) {
-    tc_set_error(error, TC_ERROR_INVALID, NULL, "volume: slope %g and intercept %g must be finite, slope not 0",
-                 d->slope, d->intercept);
+  if (!tc_scale_is_usable(d->slope, d->intercept)) {
+    tc_set_error(error, TC_ERROR_INVALID, NULL, "volume: slope %g and intercept %g: at most %g are wanted, and a slope of at "
+                 "least %g; correct them in the file's header", d->slope, d->intercept, TC_MOST_SCALE, 1 / TC_MOST_SCALE);
     return false;
   }
   if ((unsigned)d->type >= TC_VOXEL_TYPE_COUNT) {

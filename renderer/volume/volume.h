@@ -5,6 +5,7 @@
 #ifndef TC_RENDERER_VOLUME_H
 #define TC_RENDERER_VOLUME_H
 
+#include <math.h>
 #include <stdbool.h>
 #include <stddef.h>
 #include <stdint.h>
@@ -24,7 +25,7 @@ typedef struct tc_volume_desc {
   double origin[3];      /* LPS mm of the centre of voxel (0,0,0) */
   double direction[9];   /* 3x3 row by row; column k = unit vector of index axis k in LPS. Columns are
                             independent but need not be orthogonal (a gantry tilt shears them). */
-  double slope, intercept; /* value = slope * voxel + intercept; slope != 0 */
+  double slope, intercept; /* value = slope * voxel + intercept; tc_scale_is_usable() */
   int frames;            /* number of volumes in the file or series, normally 1; see provenance.h */
   char modality[16];     /* "CT", "MR", "PT", ... or "" */
   char format[16];       /* "nifti" "nrrd" "metaimage" "dicom" "demo" */
@@ -32,6 +33,13 @@ typedef struct tc_volume_desc {
   char note[256];        /* conversions by the importer, one sentence, or "" */
   double window_center, window_width; /* the file's own window; width 0 = none */
 } tc_volume_desc;
+
+/* Values of usable scales neither overflow nor vanish in double precision, whatever the voxels. */
+#define TC_MOST_SCALE 1e100
+
+static inline bool tc_scale_is_usable(double slope, double intercept) {
+  return fabs(slope) <= TC_MOST_SCALE && fabs(slope) >= 1 / TC_MOST_SCALE && fabs(intercept) <= TC_MOST_SCALE;
+}
 
 /* Found by sealing. Values are in the volume's unit (slope and intercept applied). */
 typedef struct tc_volume_stats {

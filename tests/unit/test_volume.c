@@ -30,9 +30,12 @@ TEST(nonsense_is_refused) {
   d = desc(2, 2, 2, TC_U8);
   d.origin[1] = 1e12; /* the file's fault, not the camera's that would have to look at it */
   refused(d, TC_ERROR_FORMAT);
-  d = desc(2, 2, 2, TC_U8);
-  d.slope = 0;
-  refused(d, TC_ERROR_INVALID);
+  const double scales[][2] = {{0, 0}, {-1e306, 0}, {1e-306, 0}, {NAN, 0}, {1, INFINITY}, {1, 1e200}};
+  for (size_t i = 0; i < sizeof scales / sizeof *scales; i++) {
+    d = desc(2, 2, 2, TC_U8);
+    d.slope = scales[i][0], d.intercept = scales[i][1];
+    refused(d, TC_ERROR_INVALID);
+  }
   d = desc(2, 2, 2, TC_U8);
   memset(d.direction, 0, sizeof d.direction);
   refused(d, TC_ERROR_INVALID);

@@ -229,8 +229,8 @@ static bool set_type(tc_raster *raster, const nifti_header *h, GError **error) {
 static void set_scale(tc_raster *raster, const nifti_header *h) {
   if (raster->combine == TC_COMBINE_LUMA && raster->components > 1) return; /* the standard: none for colours */
   if (h->slope == 0) return;
-  if (!isfinite(h->slope) || !isfinite(h->intercept)) {
-    tc_raster_note(raster, "scl_slope or scl_inter is not a number and was left out");
+  if (!tc_scale_is_usable(h->slope, h->intercept)) {
+    tc_raster_note(raster, "scl_slope %g or scl_inter %g is no usable number: both were left out", h->slope, h->intercept);
     return;
   }
   bool magnitude = raster->components > 1;
