@@ -56,16 +56,17 @@ static GArray *read_edits(tcp_reader *reader, const tcp_member *member, const cJ
 /* Edits on the scene's colours, both ascending. */
 static bool lay_on(tcp_reader *reader, const tc_label_color *edits, size_t count) {
   tc_scene *scene = reader->scene;
-  const tc_label_color *old = scene->labels.colors, *end = old + scene->labels.n_colors;
-  GArray *all = g_array_sized_new(FALSE, FALSE, sizeof *old, (guint)(scene->labels.n_colors + count));
+  const tc_label_color *old = scene->labels.colors;
+  size_t next = 0, n_old = scene->labels.n_colors;
+  GArray *all = g_array_sized_new(FALSE, FALSE, sizeof *old, (guint)(n_old + count));
   for (size_t i = 0; i < count; i++) {
     const tc_label_color *edit = &edits[i];
     const tc_label_color *color = is_reset(edit) ? find_color(reader->defaults, edit->label) : edit;
-    for (; old < end && old->label < edit->label; old++) g_array_append_vals(all, old, 1);
-    if (old < end && old->label == edit->label) old++;
+    for (; next < n_old && old[next].label < edit->label; next++) g_array_append_val(all, old[next]);
+    if (next < n_old && old[next].label == edit->label) next++;
     if (color) g_array_append_vals(all, color, 1);
   }
-  if (old < end) g_array_append_vals(all, old, (guint)(end - old));
+  if (next < n_old) g_array_append_vals(all, &old[next], (guint)(n_old - next));
   const guint kept = all->len;
   const bool good = kept <= TCP_MAX_LABELS;
   tc_label_color *colors = (tc_label_color *)(void *)g_array_free(all, !good || !kept);
