@@ -10,7 +10,7 @@
 #include "renderer/base/pool.h"
 #include "renderer/raycast/projection.h"
 #include "renderer/raycast/rays.h"
-#include "renderer/raycast/surface.h"
+#include "renderer/raycast/isosurface.h"
 #include "renderer/skip/bounds.h"
 #include "renderer/skip/boxes.h"
 #include "renderer/skip/fine.h"

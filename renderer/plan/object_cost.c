@@ -4,7 +4,7 @@
 #include <string.h>
 
 #include "renderer/raycast/rays.h"
-#include "renderer/raycast/surface.h"
+#include "renderer/raycast/isosurface.h"
 
 #define SIDE 36        /* probing rays along the longer side of the picture */
 #define NEAR 4         /* voxels: as wide as most blocks */

@@ -6,7 +6,7 @@
  * order, shading and sampling.termination have no meaning for them; they are neither read nor refused, and are 0 in the
  * key.
  *
- * An isosurface (raycast/surface.h) reads isosurface and shading: it has no transfer function, no window and no steps.
+ * An isosurface (raycast/isosurface.h) reads isosurface and shading: it has no transfer function, no window and no steps.
  * A value that no place of the volume has is an empty picture, and the gradient stage says so. A mesh is the same surface
  * as triangles (mesh/raster.h): normals are the vertices' own, of central differences, and rays are samples of coverage. */
 #ifndef TC_RENDERER_PLAN_H
@@ -19,7 +19,7 @@
 #include "renderer/base/error.h"
 #include "renderer/plan/key.h"
 #include "renderer/raycast/projection.h"
-#include "renderer/raycast/surface.h"
+#include "renderer/raycast/isosurface.h"
 #include "renderer/scene/scene.h"
 #include "renderer/volume/volume.h"
 

@@ -3,7 +3,7 @@
 #include <math.h>
 #include <string.h>
 
-#include "renderer/raycast/surface.h"
+#include "renderer/raycast/isosurface.h"
 
 #define KEPT 0.85             /* factor on the weight of older frames at each new frame */
 #define RAY_SHARE 0.25        /* assumed a / b while all frames had one spacing */

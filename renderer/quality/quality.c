@@ -7,7 +7,7 @@
 #include <string.h>
 
 #include "renderer/quality/meter.h"
-#include "renderer/raycast/surface.h"
+#include "renderer/raycast/isosurface.h"
 #include "renderer/reference/reference.h"
 
 #define RUNGS_PER_OCTAVE 8

@@ -238,7 +238,7 @@ void tc_ref_shade_surface(const tc_ref_shading *shading, const double gradient[3
 /* The same with a normal of any length. */
 void tc_ref_shade_normal(const tc_ref_shading *shading, double normal[3], double rgb[3]);
 
-/* surface.c: where the field along the ray changes sides of the value (inside: >= value), after `skip` such places; *leaves:
+/* isosurface.c: where the field along the ray changes sides of the value (inside: >= value), after `skip` such places; *leaves:
  * whether it was inside before. False when it never does. */
 bool tc_ref_surface_hit(const tc_ref_field *field, const tc_ref_ray *ray, double value, int skip, bool *leaves, double *t);
 /* The linear field there, over index coordinates; false: in a cell with a gap. */

@@ -6,8 +6,8 @@
  * Shading (raycast/shading.h) changes the colour at each point of the ray, with the scene's gradient there.
  *
  * For mip, minip and average, the reference is the exact extremum or mean of the field along the ray, through the
- * scene's window. For isosurface, it is the first point where the ray changes sides (raycast/surface.h), as the exact
- * root of the cubic, with the normal that surface.h defines. For mesh it is all such points, front to back, of surfaces
+ * scene's window. For isosurface, it is the first point where the ray changes sides (raycast/isosurface.h), as the exact
+ * root of the cubic, with the normal that isosurface.h defines. For mesh it is all such points, front to back, of surfaces
  * of values; of labels and meshes those of the triangles it is given, at full detail; of planes those where they are. A
  * volume around surfaces is integrated from one to the next.
  *

@@ -59,7 +59,7 @@ typedef struct tc_support {
 
 /* On the nodes of a table with these parameters, whose step and colours are not read. */
 tc_support *tc_support_build(const tc_table_params *params, GError **error);
-/* For an isosurface: blocks with all voxels below lo, or all above hi, are empty (raycast/surface.h). */
+/* For an isosurface: blocks with all voxels below lo, or all above hi, are empty (raycast/isosurface.h). */
 tc_support *tc_support_surface(double lo, double hi, GError **error);
 void tc_support_free(tc_support *support); /* NULL is fine */
 

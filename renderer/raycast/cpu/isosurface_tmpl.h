@@ -1,4 +1,4 @@
-/* Ray-isosurface intersection: the first hit of each ray of a packet (raycast/surface.h).
+/* Ray-isosurface intersection: the first hit of each ray of a packet (raycast/isosurface.h).
  *
  * Each ray traverses its own cells. The ray parameter t alone determines the cell: the ray crosses the cell wall at w
  * when t = (w - entry) / dir, which is computed for each wall and never accumulated. Empty-space leaps end at a wall's t,

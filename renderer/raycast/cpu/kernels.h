@@ -1,4 +1,4 @@
-/* The CPU ray caster's kernels: one text (kernels_tmpl.h, surface_tmpl.h) over the vector vocabulary (simd.h), compiled
+/* The CPU ray caster's kernels: one text (kernels_tmpl.h, isosurface_kernels_tmpl.h) over the vector vocabulary (simd.h), compiled
  * once per instruction set.
  *
  * Within one instruction set, a pixel's bytes depend on the scene alone: not on tiles, threads or neighbouring
@@ -17,7 +17,7 @@
 #include "renderer/raycast/projection.h"
 #include "renderer/raycast/rays.h"
 #include "renderer/raycast/shading.h"
-#include "renderer/raycast/surface.h"
+#include "renderer/raycast/isosurface.h"
 #include "renderer/skip/cover.h"
 
 /* renderer/base/halt.h, declared here because a change of that header would recompile all kernels. */

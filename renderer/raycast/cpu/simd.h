@@ -37,7 +37,7 @@
  * - v_bilinear: reads entries row0, row0 + 1, row1, row1 + 1 (4 floats each) of base, interpolates by fy between rows,
  *   then by fx, each as a + f (b - a) with v_fma: four equal entries give that entry, and fx = fy = 0 gives row0's.
  *
- * Order of a kernel's translation unit: kernels.h, then a simd_*.h, then kernels_tmpl.h or surface_tmpl.h, which
+ * Order of a kernel's translation unit: kernels.h, then a simd_*.h, then kernels_tmpl.h or isosurface_kernels_tmpl.h, which
  * include the pieces (*_tmpl.h) bottom-up: clip, packet (rays), field, cubic, filter (samples), preintegration,
  * integrals, subtable, opacity_correction (colour and opacity), jitter, subpixel, segment, shading, gradient, labels, cover
  * (empty-space skipping), neighbourhood (samples of a march), termination, the marches (dvr, back, projection, mpr or

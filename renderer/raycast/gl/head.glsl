@@ -42,7 +42,7 @@ layout(std140, binding = 0) uniform Job {
   ivec4 label_dims;                   // xyz: voxels; w: slices per texture layer
   ivec4 label_numbers;                // x: voxel of the first entry; y: voxel value that stands for outside
   vec4 label_texel;                   // xy: 1 / texture size
-  vec4 surface, surface_color;        // surface: x: iso, y: scale (surface.h); surface_color: compositing space
+  vec4 surface, surface_color;        // surface: x: iso, y: scale (isosurface.h); surface_color: compositing space
 } job;
 
 // The tile of this dispatch: xy = first pixel, zw = size in pixels.

@@ -1,4 +1,4 @@
-// Isosurfaces: the first hit (surface.h). A ray walks from cell to cell; each cell wall has its own t, computed and not
+// Isosurfaces: the first hit (isosurface.h). A ray walks from cell to cell; each cell wall has its own t, computed and not
 // accumulated, so that empty-space skipping changes no bit.
 #if LEAP
 layout(binding = 2) uniform usamplerBuffer distances; // skip/skip.h

@@ -1,6 +1,6 @@
 #include "renderer/raycast/cpu/kernels.h"
 #include "renderer/raycast/cpu/simd_scalar.h"
 
-#include "renderer/raycast/cpu/surface_tmpl.h"
+#include "renderer/raycast/cpu/isosurface_kernels_tmpl.h"
 
 tc_cpu_kernel tc_surface_kernel_scalar(const tc_plan_key *key) { return find_kernel(key); }

@@ -15,8 +15,8 @@
  * (clamped to the volume): differences between opposite faces, each the mean of its corners. It has none of the
  * facets of the cell's own gradient and few of the terraces and little of the noise that central differences show.
  * shading.h transforms it to LPS and shades it at full weight, because a surface is a surface however faint. */
-#ifndef TC_RAYCAST_SURFACE_H
-#define TC_RAYCAST_SURFACE_H
+#ifndef TC_RAYCAST_ISOSURFACE_H
+#define TC_RAYCAST_ISOSURFACE_H
 
 #include "renderer/scene/scene.h"
 #include "renderer/volume/volume.h"

@@ -1,4 +1,4 @@
-#include "renderer/raycast/surface.h"
+#include "renderer/raycast/isosurface.h"
 
 #include <math.h>
 

@@ -1,4 +1,4 @@
-/* The isosurface kernels over the vector vocabulary: included by surface_*.c after a simd_*.h. */
+/* The isosurface kernels over the vector vocabulary: included by isosurface_*.c after a simd_*.h. */
 #include "renderer/raycast/cpu/packet_tmpl.h"
 
 #include "renderer/raycast/cpu/field_tmpl.h"
