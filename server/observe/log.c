@@ -123,7 +123,6 @@ static void put(sink *to, const char *line, size_t size) {
   }
   to->used += size;
   to->put += size;
-  pthread_cond_signal(&to->filled);
 }
 
 static void emit(sink *to, const char *line, size_t size) {
@@ -131,6 +130,8 @@ static void emit(sink *to, const char *line, size_t size) {
   const bool running = to->running;
   if (running) put(to, line, size);
   pthread_mutex_unlock(&to->mutex);
+  /* Without the lock: the writer preempts a thread of low priority, which must not keep the lock meanwhile. */
+  if (running) pthread_cond_signal(&to->filled);
   if (!running) (void)write_all(to, line, size); /* nowhere left to say that it failed */
 }
 
