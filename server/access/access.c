@@ -18,7 +18,7 @@ static bool read_proxies(tcs_access *access, const tcs_config *config, GError **
   return true;
 }
 
-/* Nobody is let in from outside by oversight. */
+/* A server that others can reach needs tokens, or an explicit --insecure-no-auth. */
 static bool read_tokens(tcs_access *access, const tcs_config *config, GError **error) {
   if (config->token_file && config->insecure_no_auth) {
     tc_set_error(error, TC_ERROR_INVALID, NULL, "--token-file and --insecure-no-auth: give one of them");
@@ -64,7 +64,7 @@ void tcs_access_free(tcs_access *access) {
   g_free(access);
 }
 
-/* What follows "Bearer "; NULL: it is another scheme. */
+/* The token of an "Authorization: Bearer" header; NULL: another scheme. */
 static const char *bearer_of(const char *authorization) {
   if (!authorization || g_ascii_strncasecmp(authorization, "Bearer ", 7) != 0) return NULL;
   return authorization + 7 + strspn(authorization + 7, " ");
@@ -80,7 +80,7 @@ static uint64_t key_of(const tcs_access *access, const char *peer, const char *b
   return key;
 }
 
-/* Links and tickets are too long to be guessed: nobody waits for them. */
+/* The lockout covers tokens only: links and tickets are too long to guess. */
 static bool identify_bearer(tcs_access *access, const char *peer, const char *bearer, tcs_caller *caller, int *wait_s) {
   if (tcs_share_check(access->share_key, bearer, g_get_real_time() / 1000000, caller)) return true;
   if (!access->tokens) return false;
@@ -111,7 +111,7 @@ bool tcs_access_identify(tcs_access *access, const tcs_shown *shown, tcs_caller 
   if (shown->ticket && identify_ticket(access, shown->ticket, caller)) return true;
   if (!shown->ticket && bearer && identify_bearer(access, shown->peer, bearer, caller, wait_s)) return true;
   *caller = anybody;
-  /* Without tokens of ours a header may be meant for a proxy in front. */
+  /* On a server without tokens the header may be meant for a proxy in front. */
   return !access->tokens || (!shown->ticket && !shown->authorization);
 }
 

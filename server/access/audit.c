@@ -6,7 +6,7 @@
 
 #define REFUSALS_A_SECOND 10
 
-/* Enough to tell volumes of one run apart, too little to find a name by trying. */
+/* 32 bits tell the volumes of one run apart, but are too few to recover an id by trying names. */
 static void name_volume(const tcs_access *access, const char *id, char name[9]) {
   uint8_t mac[TCS_HASH_SIZE];
   tcs_sign(access->salt, sizeof access->salt, id, mac);

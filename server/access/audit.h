@@ -1,6 +1,6 @@
-/* Who opened what: lines "audit.EVENT" in the log, with the name of the caller's token and its role. No patient data:
- * of a session the first digits of its random id, of a volume, whose id a client chose, a hash that is salted anew with
- * every start. I/O thread. */
+/* Audit trail: lines "audit.EVENT" in the log, with the name of the caller's token and its role. The lines hold no
+ * patient data: a session appears as the first digits of its random id, and a volume, whose id a client chose, as a
+ * hash that is salted anew at every start. I/O thread. */
 #ifndef TCS_ACCESS_AUDIT_H
 #define TCS_ACCESS_AUDIT_H
 

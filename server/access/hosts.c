@@ -14,7 +14,7 @@
 
 typedef struct authority {
   char name[NAME_SIZE]; /* lower case; an IPv6 address with its brackets */
-  int port;             /* 0: none was said */
+  int port;             /* 0: none given */
 } authority;
 
 struct tcs_hosts {
@@ -73,7 +73,7 @@ bool tcs_hosts_add(tcs_hosts *hosts, const char *text, GError **error) {
   return false;
 }
 
-/* What follows "http://" or "https://" and the port that stands for no port; NULL: another scheme. */
+/* The text after "http://" or "https://", and the scheme's default port; NULL: another scheme. */
 static const char *after_scheme(const char *origin, int *port) {
   static const struct {
     const char *text;
@@ -137,7 +137,7 @@ void tcs_hosts_listen(tcs_hosts *hosts, const char *address) {
   freeifaddrs(all);
 }
 
-/* A port that was not said is that of http, or of https where a proxy in front ends TLS. */
+/* A missing port means 80, or 443 if a proxy in front ends TLS. */
 static bool fits(const authority *entry, const authority *said) {
   if (strcmp(entry->name, said->name) != 0) return false;
   if (entry->port == 0 || entry->port == said->port) return true;
@@ -161,7 +161,7 @@ bool tcs_origin_allowed(const tcs_hosts *hosts, const char *origin, const char *
   if (from.port == 0) from.port = unsaid;
   if (host && split(host, &here) && strcmp(here.name, from.name) == 0 && from.port == (here.port ? here.port : unsaid))
     return true;
-  /* A name for every port says nothing of who else on that host serves pages. */
+  /* Entries for every port do not count: another server on another port of that host may serve pages. */
   for (guint i = 0; i < hosts->names->len; i++) {
     const authority *entry = &g_array_index(hosts->names, authority, i);
     if (entry->port && entry->port == from.port && strcmp(entry->name, from.name) == 0) return true;

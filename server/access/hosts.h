@@ -1,7 +1,8 @@
-/* Which names this server answers to, and which pages may talk to it. A browser that was made to believe that
- * evil.example is 127.0.0.1 still says "Host: evil.example", and a page always says where it comes from.
+/* The host names this server answers to, and the page origins that may use it: protection against DNS rebinding. A
+ * browser that resolves evil.example to 127.0.0.1 still sends "Host: evil.example", and a page's requests carry its
+ * Origin.
  *
- * Names compare letter by letter, case ignored; a port is compared as a number. I/O thread. */
+ * Names compare letter by letter, case ignored; ports compare as numbers. I/O thread. */
 #ifndef TCS_ACCESS_HOSTS_H
 #define TCS_ACCESS_HOSTS_H
 
@@ -14,21 +15,22 @@ typedef struct tcs_hosts tcs_hosts;
 tcs_hosts *tcs_hosts_new(void);
 void tcs_hosts_free(tcs_hosts *hosts); /* NULL is fine */
 
-/* "NAME" (then with every port), "NAME:PORT", "[V6]:PORT". */
+/* "NAME" (matches every port), "NAME:PORT", "[V6]:PORT". */
 bool tcs_hosts_add(tcs_hosts *hosts, const char *text, GError **error);
-/* "https://viewer.example": of a proxy in front that sends on another Host than it was asked for. */
+/* "https://viewer.example": the origin of pages behind a proxy that rewrites the Host header. */
 bool tcs_hosts_add_origin(tcs_hosts *hosts, const char *text, GError **error);
-/* Where the server listens, as "127.0.0.1:8080": a loopback address brings the names of localhost with it, and
- * "0.0.0.0" or "[::]" every address the machine has now. */
+/* Adds the address the server listens on, such as "127.0.0.1:8080". A loopback address adds the names of localhost too;
+ * "0.0.0.0" and "[::]" add every address the machine has now. */
 void tcs_hosts_listen(tcs_hosts *hosts, const char *address);
 
 /* A Host header's value. */
 bool tcs_host_allowed(const tcs_hosts *hosts, const char *host);
-/* An Origin header's value, of a request whose Host is `host` and allowed: that host itself, another name of this
- * server with its port, or a configured origin. */
+/* Whether a page with this Origin header may send a request whose (allowed) Host header is `host`. True if the origin
+ * is that host itself, another name of this server with the server's port, or a configured origin. */
 bool tcs_origin_allowed(const tcs_hosts *hosts, const char *origin, const char *host);
 
-/* Whether only this machine reaches what listens on the host part of --listen; true when it cannot be told. */
+/* Whether only this machine can reach a server that listens on this host part of --listen. True if the address does not
+ * resolve. */
 bool tcs_address_is_loopback(const char *address);
 
 #endif

@@ -6,13 +6,13 @@
 
 typedef struct peer_state {
   uint64_t peer, token; /* token: the last wrong one */
-  unsigned strikes;     /* 0: the place is free */
+  unsigned strikes;     /* 0: unused */
   int64_t last_us, until_us;
 } peer_state;
 
 struct tcs_lockout {
   peer_state peers[TCS_LOCKOUT_PEERS];
-  uint64_t known[TCS_LOCKOUT_KNOWN]; /* each at its key's place; a later one with the same place takes it */
+  uint64_t known[TCS_LOCKOUT_KNOWN]; /* indexed by key; a key overwrites another one at its index */
 };
 
 tcs_lockout *tcs_lockout_new(void) { return g_new0(tcs_lockout, 1); }

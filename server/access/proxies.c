@@ -4,7 +4,7 @@
 #include <stdlib.h>
 #include <string.h>
 
-/* IPv4 lives in ::ffff:0:0/96, as it does on a socket of both families. */
+/* IPv4 addresses are stored as ::ffff:a.b.c.d (IPv4-mapped), as a dual-stack socket reports them. */
 typedef struct network {
   struct in6_addr address;
   int bits;
@@ -101,7 +101,7 @@ bool tcs_proxies_add(tcs_proxies *proxies, const char *text, GError **error) {
 
 /* ---- headers ---- */
 
-/* A node as proxies write it: an address, with a port or not, IPv6 perhaps in brackets. */
+/* Parses a node as proxies write it: an address with or without a port, IPv6 with or without brackets. */
 static bool parse_node(const char *text, struct in6_addr *address) {
   char inside[INET6_ADDRSTRLEN];
   if (parse(text, address)) return true;
@@ -114,8 +114,8 @@ static bool parse_node(const char *text, struct in6_addr *address) {
   return bracket ? inet_pton(AF_INET6, inside, address) == 1 : parse(inside, address);
 }
 
-/* The node of an element of Forwarded, in place; "": it names none. No address has a comma or semicolon in it, so that
- * quotes need no more than to be taken off. */
+/* The "for" node of one Forwarded element, unquoted in place; "": no node. Addresses contain no comma or semicolon, so
+ * that removing the quotes is enough. */
 static const char *node_of_pairs(char *element) {
   for (char *pair = element, *next; pair; pair = next) {
     next = strchr(pair, ';');
@@ -131,7 +131,7 @@ static const char *node_of_pairs(char *element) {
   return "";
 }
 
-/* Goes left from the connection's own address for as long as it is a trusted proxy that speaks. */
+/* Follows the header from its right end for as long as each address is a trusted proxy's. */
 static struct in6_addr follow(const tcs_proxies *proxies, struct in6_addr address, const char *header, bool pairs) {
   char **elements = g_strsplit(header, ",", -1);
   for (guint i = g_strv_length(elements); i-- > 0 && trusted(proxies, &address);) {

@@ -23,7 +23,7 @@ void tcs_sign(const void *key, size_t key_size, const char *text, uint8_t mac[TC
 }
 
 bool tcs_hash_equal(const uint8_t a[TCS_HASH_SIZE], const uint8_t b[TCS_HASH_SIZE]) {
-  volatile uint8_t difference = 0; /* volatile: no compiler may leave early */
+  volatile uint8_t difference = 0; /* volatile: the compiler must not leave the loop early */
   for (size_t i = 0; i < TCS_HASH_SIZE; i++) difference |= a[i] ^ b[i];
   return difference == 0;
 }

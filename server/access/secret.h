@@ -1,4 +1,4 @@
-/* Secrets: made, hashed, signed, and compared in a time that says nothing of where they differ. Any thread. */
+/* Secrets: random bytes, hashes, signatures, and a comparison in constant time. Any thread. */
 #ifndef TCS_ACCESS_SECRET_H
 #define TCS_ACCESS_SECRET_H
 
@@ -14,12 +14,12 @@ bool tcs_random(void *bytes, size_t size);
 void tcs_hash(const char *text, uint8_t hash[TCS_HASH_SIZE]);
 /* HMAC-SHA256 (RFC 2104). */
 void tcs_sign(const void *key, size_t key_size, const char *text, uint8_t mac[TCS_HASH_SIZE]);
-/* Looks at every byte, whatever it finds. */
+/* Constant time: reads every byte, wherever the first difference is. */
 bool tcs_hash_equal(const uint8_t a[TCS_HASH_SIZE], const uint8_t b[TCS_HASH_SIZE]);
 
-/* `text` takes 2 * size + 1 bytes. */
+/* `text` holds 2 * size + 1 bytes. */
 void tcs_hex(const uint8_t *bytes, size_t size, char *text);
-/* False: not 2 * size digits. */
+/* False: text is not 2 * size hexadecimal digits. */
 bool tcs_unhex(const char *text, uint8_t *bytes, size_t size);
 
 #endif

@@ -18,7 +18,7 @@ void tcs_share_sign(const uint8_t key[TCS_SHARE_KEY_SIZE], const char *session, 
   g_strlcat(token, text, TCS_SHARE_SIZE);
 }
 
-/* The signature is checked before anything the token says is read. */
+/* Verifies the signature before any field of the token is parsed. */
 static bool signed_by(const uint8_t key[TCS_SHARE_KEY_SIZE], const char *token, const char *dot) {
   uint8_t given[TCS_HASH_SIZE], right[TCS_HASH_SIZE];
   char *before = g_strndup(token, (size_t)(dot - token));
@@ -35,7 +35,7 @@ bool tcs_share_check(const uint8_t key[TCS_SHARE_KEY_SIZE], const char *token, i
   bool good = g_strv_length(parts) == 4 && tcs_role_parse(parts[1], &found.role);
   if (good) {
     g_strlcpy(found.session, parts[0], sizeof found.session);
-    /* Links to one session share their bounds. */
+    /* All links to one session count as one client. */
     g_snprintf(found.name, sizeof found.name, "share-%.8s", found.session);
     found.until_s = g_ascii_strtoll(parts[2], NULL, 10);
     good = found.until_s > now_s;

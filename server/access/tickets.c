@@ -28,7 +28,7 @@ void tcs_tickets_free(tcs_tickets *tickets) {
 }
 
 static void sweep(tcs_tickets *tickets, int64_t now_us) {
-  guint old = 0; /* all live equally long: the oldest end first */
+  guint old = 0; /* all tickets live equally long, so the oldest expires first */
   while (old < tickets->out->len && g_array_index(tickets->out, entry, old).until_us <= now_us) old++;
   if (old) g_array_remove_range(tickets->out, 0, old);
 }

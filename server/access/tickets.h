@@ -1,13 +1,13 @@
-/* Tickets: what a WebSocket or an <img>, which cannot send a token, shows in its address instead. Each is good once,
- * for a short while, and for what its caller might do. I/O thread. */
+/* Tickets: credentials in the URL of a WebSocket or an <img>, neither of which can send a token header. A ticket works
+ * once, within TCS_TICKET_S seconds, with its caller's rights. I/O thread. */
 #ifndef TCS_ACCESS_TICKETS_H
 #define TCS_ACCESS_TICKETS_H
 
 #include "server/access/role.h"
 
 #define TCS_TICKET_S 30
-#define TCS_TICKETS_EACH 64  /* not yet used, of one token or share link */
-#define TCS_TICKETS_ALL 1024 /* of all */
+#define TCS_TICKETS_EACH 64  /* unused tickets of one token or share link */
+#define TCS_TICKETS_ALL 1024 /* unused tickets altogether */
 #define TCS_TICKET_SIZE 33
 
 typedef struct tcs_tickets tcs_tickets;
@@ -15,11 +15,12 @@ typedef struct tcs_tickets tcs_tickets;
 tcs_tickets *tcs_tickets_new(void);
 void tcs_tickets_free(tcs_tickets *tickets); /* NULL is fine */
 
-/* A ticket for `caller`, for the one session it is bound to if that is set. False: too many are out. */
+/* Issues a ticket with the rights of `caller`, for one session only if the caller is bound to one. False: too many
+ * unused tickets, or no random numbers. */
 bool tcs_tickets_issue(tcs_tickets *tickets, const tcs_caller *caller, int64_t now_us, char ticket[TCS_TICKET_SIZE]);
-/* Uses a ticket up. False: there is no such ticket, or no more. */
+/* Consumes a ticket. False: unknown, used or expired ticket. */
 bool tcs_tickets_take(tcs_tickets *tickets, const char *ticket, int64_t now_us, tcs_caller *caller);
-/* How many are out. */
+/* Number of unused tickets. */
 unsigned tcs_tickets_count(tcs_tickets *tickets, int64_t now_us);
 
 #endif

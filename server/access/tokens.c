@@ -35,7 +35,7 @@ static const char *read_secret(const char *text, tcs_token *token, bool *clear) 
   return NULL;
 }
 
-/* NULL, or what is wrong with the line. */
+/* NULL, or an error text. */
 static const char *read_line(char **fields, tcs_token *token, bool *clear) {
   if (g_strv_length(fields) != 3) return "give NAME ROLE TOKEN";
   if (!tcs_id_valid(fields[0])) return "a name is 1 to 64 of letters, digits, '.', '_', '-'";
@@ -86,7 +86,7 @@ tcs_tokens *tcs_tokens_parse(const char *text, bool *clear, GError **error) {
   return NULL;
 }
 
-/* The text of an open file, ended with a 0; NULL: errno says why. */
+/* Reads an open file as text, NUL-terminated. NULL: see errno. */
 static char *read_all(int fd, size_t size) {
   char *text = g_malloc(size + 1);
   size_t done = 0;

@@ -11,7 +11,8 @@
 #include <sys/syscall.h>
 #include <unistd.h>
 
-/* For kernels and sandboxes without openat2(): one component at a time, no link followed, no way up. */
+/* Fallback for kernels and sandboxes without openat2(): opens one component at a time, follows no link, refuses "..".
+ *  */
 static int open_by_steps(int folder_fd, const char *relative) {
   char **parts = g_strsplit(relative, "/", -1);
   int fd = fcntl(folder_fd, F_DUPFD_CLOEXEC, 0);
@@ -48,7 +49,7 @@ static int open_beneath(const char *folder, const char *relative) {
   return fd;
 }
 
-/* The name behind an open file, which the caller has made sure of; only regular files and folders. */
+/* The path of an open file that was checked to be inside; NULL unless it is a regular file or a folder. */
 static char *name_of(int fd) {
   struct stat status;
   if (fstat(fd, &status) != 0 || !(S_ISREG(status.st_mode) || S_ISDIR(status.st_mode))) return NULL;
@@ -88,7 +89,7 @@ char *tcs_beneath(const char *folder, const char *relative, GError **error) {
 typedef struct scan {
   GPtrArray *found;
   const char *folder;
-  bool meshes; /* those, not volumes */
+  bool meshes; /* mesh files instead of volume files */
   int limit, folders;
 } scan;
 
@@ -123,8 +124,7 @@ static void add_found(scan *s, const char *path, double bytes) {
   g_ptr_array_add(s->found, file);
 }
 
-/* Bounds of a scan: folders entered, and their depth; a data folder with more than this needs a catalogue of its own.
- */
+/* Bounds of a scan: folders entered, and depth. A larger data folder needs a database of its own. */
 #define MAX_FOLDERS 4096
 #define MAX_DEPTH 12
 
@@ -136,8 +136,9 @@ static bool has_dicom_mark(int folder_fd, const char *name) {
   return found;
 }
 
-/* DICOM files are named *.dcm, or have no suffix at all, and pictures by their kind; of files without suffix one is
- * looked into, and stands for its folder. `nameless`: 0 = none seen yet, 1 = they are slices, -1 = they are not. */
+/* Whether a file is a slice: named *.dcm or as a picture, or without suffix. Only the first file without a suffix in a
+ * folder is opened, and decides for all of them. `nameless`: 0 = none seen yet, 1 = they are slices, -1 = they are not.
+ *  */
 static bool is_slice(int folder_fd, const char *name, int *nameless) {
   static const char *const endings[] = {".dcm", ".png", ".tif", ".tiff"};
   for (size_t i = 0; i < G_N_ELEMENTS(endings); i++)
@@ -147,7 +148,8 @@ static bool is_slice(int folder_fd, const char *name, int *nameless) {
   return *nameless > 0;
 }
 
-/* A link to a file counts as that, where it may be opened. Links to folders could lead in circles. */
+/* Replaces a link's status by its target's, if the target is a file that may be opened. Links to folders are skipped,
+ * since they could lead in circles. */
 static void follow(const scan *s, const char *path, struct stat *status) {
   const int fd = S_ISLNK(status->st_mode) ? open_beneath(s->folder, path) : -1;
   struct stat there;
@@ -202,7 +204,7 @@ cJSON *tcs_available(const char *folder, bool meshes, int limit) {
   cJSON *list = cJSON_CreateArray();
   for (guint i = 0; i < s.found->len; i++) {
     const found_file *file = g_ptr_array_index(s.found, i);
-    if (!g_utf8_validate(file->path, -1, NULL)) continue; /* cannot be asked for in JSON */
+    if (!g_utf8_validate(file->path, -1, NULL)) continue; /* cannot be named in JSON */
     cJSON *item = cJSON_CreateObject();
     cJSON_AddStringToObject(item, "path", file->path);
     cJSON_AddNumberToObject(item, "bytes", file->bytes);

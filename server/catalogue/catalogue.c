@@ -7,7 +7,7 @@
 #include "server/catalogue/spool.h"
 #include "server/config/config.h"
 
-/* Viewers are told of so many volumes at once, and of the rest next time. */
+/* Entries reported to viewers per call; the next call reports the rest. */
 #define MOST_TOLD 32
 
 const char *const tcs_kind_names[TCS_KIND_COUNT] = {"volume", "mesh"};
@@ -55,7 +55,7 @@ void tcs_catalogue_free(tcs_catalogue *catalogue) {
 }
 
 tcs_entry *tcs_catalogue_find(tcs_catalogue *catalogue, tcs_kind kind, const char *id) {
-  static tcs_entry wanted; /* as a key */
+  static tcs_entry wanted; /* static: a lookup key */
   wanted.kind = kind;
   return g_strlcpy(wanted.id, id, sizeof wanted.id) < sizeof wanted.id
              ? g_hash_table_lookup(catalogue->entries, &wanted)
@@ -115,7 +115,7 @@ tcs_entry *tcs_catalogue_load(tcs_catalogue *catalogue, tcs_kind kind, const cha
     return NULL;
   }
   tcs_entry *entry = tcs_catalogue_find(catalogue, kind, id);
-  if (entry) forget(catalogue, entry); /* a failed one */
+  if (entry) forget(catalogue, entry); /* a failed entry */
   entry = g_new0(tcs_entry, 1);
   entry->kind = kind;
   g_strlcpy(entry->id, id, sizeof entry->id);
@@ -133,7 +133,7 @@ void tcs_catalogue_remove(tcs_catalogue *catalogue, tcs_entry *entry) {
   tcs_loads_pump(catalogue);
 }
 
-/* --- failed ones ------------------------------------------------------------------------------------ */
+/* --- failed entries --------------------------------------------------------------------------------- */
 
 static void forget_failed(tcs_catalogue *catalogue, int64_t now_us) {
   const tcs_limits *limits = &catalogue->server->config->limits;
@@ -210,11 +210,11 @@ bool tcs_catalogue_resolve(tcs_catalogue *catalogue, tcs_kind kind, const char *
   return source->path != NULL;
 }
 
-/* What is told of an entry. */
+/* A snapshot of an entry, described on another thread. */
 typedef struct row {
   char id[TCS_ID_SIZE];
   tcs_volume_state state;
-  int permille; /* of a load; -1: it is none */
+  int permille; /* of the import; -1: not loading */
   int users;
   char of[TCS_ID_SIZE];
   char *reason;      /* or NULL */
@@ -336,7 +336,7 @@ void tcs_catalogue_gauges(tcs_catalogue *catalogue, tcs_gauges *gauges) {
   }
 }
 
-/* What there is to tell of an entry, once; false: nothing. */
+/* The report on an entry, if its state or progress changed since the last one; else false. */
 static bool tell_of(tcs_entry *entry, char *text, size_t size) {
   const int permille = entry->load ? atomic_load(&entry->load->permille) : 1000;
   if (entry->state == entry->told && (!entry->load || permille == entry->load->told)) return false;

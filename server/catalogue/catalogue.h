@@ -1,5 +1,5 @@
-/* The volumes and the meshes the daemon knows by id: loaded once, shared, counted, within one memory budget and one set
- * of limits. I/O thread only; loading itself runs on the load worker. */
+/* The catalogue: volumes and meshes by id, loaded once and shared by all sessions, within the memory budget and the
+ * limits. I/O thread only; imports run on the load worker. */
 #ifndef TCS_CATALOGUE_CATALOGUE_H
 #define TCS_CATALOGUE_CATALOGUE_H
 
@@ -13,7 +13,7 @@
 #include "server/observe/metrics.h"
 #include "server/server.h"
 
-/* Each has ids of its own, and paths: /v1/volumes, /v1/meshes. */
+/* Each kind has its own ids and routes: /v1/volumes, /v1/meshes. */
 typedef enum tcs_kind { TCS_KIND_VOLUME, TCS_KIND_MESH, TCS_KIND_COUNT } tcs_kind;
 extern const char *const tcs_kind_names[TCS_KIND_COUNT],
     *const tcs_kind_paths[TCS_KIND_COUNT]; /* "mesh"; "/v1/meshes" */
@@ -23,8 +23,9 @@ typedef enum tcs_volume_state { TCS_LOADING, TCS_RESIDENT, TCS_FAILED, TCS_VOLUM
 typedef struct tcs_load tcs_load;
 #define TCS_ID_SIZE 65
 
-/* A file or series of several volumes (times, echoes), shared by the entries that are volumes of it: a client may load
- * others of it without knowing its path, and an upload stays in the spool for as long as one of them is there. */
+/* A file or series with several volumes (times, echoes), shared by the entries loaded from it. A client can load
+ * another volume of the series without knowing its path. An upload stays in the spool while any of its volumes is
+ * loaded. */
 typedef struct tcs_series {
   int references;
   int frames;
@@ -35,71 +36,71 @@ typedef struct tcs_series {
 typedef struct tcs_entry {
   tcs_kind kind;
   char id[TCS_ID_SIZE];
-  char owner[65];       /* name of the token that brought it; "": nobody's */
-  tcs_series *series;   /* that it is a volume of, or NULL: one reference */
-  int part;             /* which one, from 1 */
-  char of[TCS_ID_SIZE]; /* the first of it that was loaded; "": itself, or none */
+  char owner[65];       /* name of the token that loaded it; "": no owner */
+  tcs_series *series;   /* series of this volume, or NULL: one reference */
+  int part;             /* number of this volume in its series, from 1 */
+  char of[TCS_ID_SIZE]; /* id of the first volume loaded from the same series; "": this entry, or no series */
   tcs_volume_state state;
   tc_volume *volume; /* resident volume: one reference */
-  tc_volume *body;   /* the same without tables and padding: one reference; NULL: there are none */
-  tc_fit fit;        /* resident: what its voxels say */
-  tc_scene defaults; /* resident: the scene that fits the volume */
-  GBytes *thumbnail; /* resident: a JPEG, once somebody asked for it, counted as all encoded pictures are; NULL */
-  char *reason;      /* failed: why, one line without server-side paths */
+  tc_volume *body;   /* volume without tables and padding: one reference; NULL: there are none */
+  tc_fit fit;        /* resident: value range and windows fitted to the voxels */
+  tc_scene defaults; /* resident: default scene for the volume */
+  GBytes *thumbnail; /* resident: cached JPEG, counted under encoded pictures; NULL until first requested */
+  char *reason;      /* failed: the reason, one line without server-side paths */
   tcs_load *load;    /* loading */
   tc_mesh *mesh;     /* resident mesh, with normals: one reference */
-  tc_mesh_file file; /* likewise: what it came from */
+  tc_mesh_file file; /* resident mesh: properties of its file */
   tc_mesh_measures measures;
-  void *held, *held_body; /* resident: the ledger's notes of them; the latter of a body */
-  bool operators;         /* of the command line */
-  int64_t used_us;        /* resident: last asked for; failed: since when */
-  GList failed_link;      /* failed, and not the operator's: by age */
-  tcs_volume_state told;  /* the state viewers were last told of */
-  int users;              /* sessions that show it */
+  void *held, *held_body; /* resident: memory accounting of volume or mesh, and of the body */
+  bool operators;         /* loaded from the command line */
+  int64_t used_us;        /* resident: time of the last use; failed: time of the failure */
+  GList failed_link;      /* in the queue of failed entries, oldest first; not for the operator's */
+  tcs_volume_state told;  /* the state last reported to viewers */
+  int users;              /* number of sessions that show it */
 } tcs_entry;
 
-/* The volume whose voxels a scene shows: with or without tables and padding. */
+/* The volume that a scene samples: the body (no tables or padding) if the scene hides the table, except in mode mpr. */
 static inline tc_volume *tcs_entry_shown(const tcs_entry *entry, const tc_scene *scene) {
   return scene->hide_table && entry->body && scene->mode != TC_MODE_MPR ? entry->body : entry->volume;
 }
 
-/* A file on its way in. */
+/* A file to be imported. */
 typedef struct tcs_source_file {
   char *path;         /* what tc_import() opens; owned */
-  const char *name;   /* what a client may see in its place in messages */
-  tcs_series *series; /* another volume of it is loaded: `part`; one reference, owned */
+  const char *name;   /* name for messages to clients, instead of the path */
+  tcs_series *series; /* set when `part` of an already loaded series is wanted; one reference, owned */
   int part;
-  tcs_spooled *upload;          /* it was uploaded and goes once it is loaded or has failed; owned. NULL: it was not */
-  char client[TCS_CLIENT_SIZE]; /* who asked */
-  bool operators; /* the operator named it: the log says why it failed. A client's file might name a patient */
+  tcs_spooled *upload;          /* set for an upload, removed after the import; owned */
+  char client[TCS_CLIENT_SIZE]; /* the requesting client */
+  bool operators; /* named by the operator: failures are logged with a reason. A client's file might name a patient */
 } tcs_source_file;
 
 tcs_catalogue *tcs_catalogue_new(tcs_server *server);
 void tcs_catalogue_free(tcs_catalogue *catalogue); /* after the load worker has ended and completions were drained */
 
 tcs_entry *tcs_catalogue_find(tcs_catalogue *catalogue, tcs_kind kind, const char *id);
-/* A resident entry; else TC_ERROR_NOT_FOUND or _CONFLICT (loading or failed), which points at `member`, the JSON
- * pointer to what named it; NULL: none did. */
+/* The resident entry `id`. TC_ERROR_NOT_FOUND or _CONFLICT (loading or failed) with `member` as the JSON pointer to the
+ * id in the request; member NULL: no pointer. */
 tcs_entry *tcs_catalogue_resident(tcs_catalogue *catalogue, tcs_kind kind, const char *id, const char *member,
                                   GError **error);
 
-/* How many imports run at once; no client has more than all but one of them. */
+/* Number of concurrent imports; one client may have at most one fewer. */
 #define TCS_LOAD_THREADS 4
 
-/* Starts to load, or queues it; TC_ERROR_INVALID (id), _CONFLICT (id in use) or _BUSY (too many are waiting, or the
- * memory is used up and nothing may be dropped). Takes source->path and source->upload. A failed entry's id may be
- * used again. */
+/* Starts or queues an import. TC_ERROR_INVALID (id), _CONFLICT (id in use) or _BUSY (too many imports waiting, or
+ * memory used up and nothing may be dropped). Takes source->path, source->series and source->upload, also on failure.
+ * The id of a failed entry may be used again. */
 tcs_entry *tcs_catalogue_load(tcs_catalogue *catalogue, tcs_kind kind, const char *id, tcs_source_file *source,
                               GError **error);
 /* The error that tcs_catalogue_load() would return, without starting a load. */
 bool tcs_catalogue_may_load(tcs_catalogue *catalogue, tcs_kind kind, const char *id, const char *client,
                             GError **error);
 
-/* Forgets the id; what it is goes when its last user does. An import under way is told to stop. */
+/* Removes the entry. Its memory is released with the last user's reference. Cancels an import under way. */
 void tcs_catalogue_remove(tcs_catalogue *catalogue, tcs_entry *entry);
 
-/* Volume `part` of the series that a resident entry is of. TC_ERROR_INVALID where it is of none, or that has no such.
- */
+/* Describes volume `part` of a resident entry's series in *source. TC_ERROR_INVALID: the entry has no series, or the
+ * series no such volume. */
 bool tcs_catalogue_another(const tcs_entry *entry, int part, tcs_source_file *source, GError **error);
 
 static inline tcs_series *tcs_series_ref(tcs_series *series) {
@@ -107,37 +108,37 @@ static inline tcs_series *tcs_series_ref(tcs_series *series) {
   return series;
 }
 
-/* Finds a file of the data folder for a client: a path beneath it ("#N" chooses a DICOM series), or "demo:NAME". */
+/* Resolves a client's path in *source: a path beneath the data folder ("#N" selects a DICOM series), or "demo:NAME". */
 bool tcs_catalogue_resolve(tcs_catalogue *catalogue, tcs_kind kind, const char *path, tcs_source_file *source,
                            GError **error);
 
-/* Those of a kind as they are, for a list that another thread writes: those that `wanted` has, all where it is NULL.
+/* A snapshot of the entries of a kind that `wanted` accepts (NULL: all), so that another thread can write the list.
  * Freed with tcs_rows_free(). */
 typedef bool tcs_entry_wanted(const void *user, tcs_kind kind, const char *id);
-/* One, with the volumes of its series that there are and that `wanted` has. */
+/* Describes one entry, with those loaded volumes of its series that `wanted` accepts. */
 cJSON *tcs_catalogue_describe(tcs_catalogue *catalogue, const tcs_entry *entry, tcs_entry_wanted *wanted,
                               const void *user);
 GArray *tcs_catalogue_rows(tcs_catalogue *catalogue, tcs_kind kind, tcs_entry_wanted *wanted, const void *user);
-cJSON *tcs_rows_describe(GArray *rows); /* by id; any thread */
+cJSON *tcs_rows_describe(GArray *rows); /* sorted by id; any thread */
 void tcs_rows_free(GArray *rows);
-/* Which volume of how many, and what of a series is in it. */
+/* Adds the volume's number in its series and what was read of the series. */
 void tcs_describe_provenance(cJSON *json, const tc_volume *volume);
-/* What its labels are, where that is known. */
+/* Adds the meaning of the label values, if known. */
 void tcs_describe_labels(cJSON *json, const tc_volume *volume);
-/* Series of a list, each with its volumes. */
+/* A list of series, each with its volumes. */
 cJSON *tcs_describe_series(const tc_series *series, size_t count);
 void tcs_describe_model(cJSON *json, const tc_vmd *model);
 void tcs_catalogue_gauges(tcs_catalogue *catalogue, tcs_gauges *gauges);
-/* True while a volume of the command line has not been loaded, well or badly. */
+/* True while a volume of the command line is still loading. */
 bool tcs_catalogue_starting(tcs_catalogue *catalogue);
-/* At shutdown: cancels every import under way and begins no other. */
+/* At shutdown: cancels all imports and starts no further ones. */
 void tcs_catalogue_cancel_all(tcs_catalogue *catalogue);
 
-/* About once a second: forgets old failures, starts what waited for memory. */
+/* About once a second: forgets old failures, starts imports that waited for memory. */
 void tcs_catalogue_tick(tcs_catalogue *catalogue, int64_t now_us);
 
-/* Tells viewers about loads that moved or ended: {"type":"volume" or "mesh",...} to `tell`. Called a few times a
- * second. */
+/* Reports progress and ends of imports to viewers: passes {"type":"volume" or "mesh",...} to `tell`. Called a few times
+ * a second. */
 void tcs_catalogue_report(tcs_catalogue *catalogue, void (*tell)(void *user, const char *json), void *user);
 
 #endif

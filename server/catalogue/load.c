@@ -1,4 +1,4 @@
-/* Imports: a bounded queue, a few at a time, each with memory of its own before it decodes anything. */
+/* Imports: a bounded queue, a few at a time. Each reserves its memory before it decodes anything. */
 #include <inttypes.h>
 #include <string.h>
 
@@ -8,7 +8,7 @@
 #include "server/observe/log.h"
 #include "server/schedule/scheduler.h"
 
-/* How long a load waits for memory that is on its way back. */
+/* How long an import waits for memory that is about to be released. */
 #define MEMORY_WAIT_US 30000000
 
 static bool on_progress(void *user, double fraction) {
@@ -89,14 +89,14 @@ static void run_load(tcs_task *task) {
   tcs_load *load = (tcs_load *)task;
   const bool good = import(load);
   if (load->source.upload && !load->refused && !tcs_load_is_of_series(load)) tcs_spooled_remove(load->source.upload);
-  load->good = good && row_of(load)->dress(load); /* walks it all: here, not when a session asks */
+  load->good = good && row_of(load)->dress(load); /* full passes run here, not when a session needs them */
   if (!load->good && load->late) name_deadline(load);
 }
 
-/* An importer names the file it was given; a client must see its own name for it instead. */
+/* The importer's message names the server's file; the client must see the name it gave instead. */
 static char *reason_for_client(const tcs_load *load) {
   GString *text = g_string_new(load->error ? load->error->message : "failed");
-  char *base = g_path_get_basename(load->source.path); /* tc_import() begins with "open BASE: ", as long as this */
+  char *base = g_path_get_basename(load->source.path); /* tc_import() begins with "open BASE: ", of this length */
   const gsize length = strlen(base);
   if (g_str_has_prefix(text->str, "open ") && text->len > 5 + length && text->str[5 + length] == ':') {
     g_string_erase(text, 5, (gssize)length);
@@ -124,12 +124,12 @@ static void free_load(tcs_load *load) {
   g_free(load);
 }
 
-/* --- how one ends ---------------------------------------------------------------------------------- */
+/* --- end of an import ------------------------------------------------------------------------------ */
 
 typedef struct holding {
   tcs_budget *budget;
   uint64_t bytes;
-  tcs_memory_kind kind; /* changed by the I/O thread while the catalogue still has a reference */
+  tcs_memory_kind kind; /* changed by the I/O thread while the catalogue still holds a reference */
 } holding;
 
 void tcs_hold_freed(void *user) {
@@ -166,7 +166,7 @@ static void fail(tcs_load *load) {
   tcs_entry_fail(catalogue, entry, text);
 }
 
-/* Memory that others still have may come back: the import is begun again once it did. */
+/* Whether to retry the import later: it was refused memory, and memory of other users may be released in time. */
 static bool waits_for_memory(tcs_load *load) {
   if (!load->refused || !load->entry || atomic_load(&load->cancel)) return false;
   const int64_t now_us = g_get_monotonic_time();
@@ -225,7 +225,7 @@ static bool fits(tcs_budget *budget, const tcs_load *load) {
   return tcs_budget_fits(budget, load->wanted) && load->wanted + load->decoder_wanted <= tcs_budget_left(budget);
 }
 
-/* Whether memory that was missing is there now, or will be: then *give_up stays false. */
+/* Whether the memory an import was refused is available now. *give_up: it is not, and will not become available. */
 static bool has_memory(tcs_load *load, bool *give_up) {
   tcs_catalogue *catalogue = load->catalogue;
   tcs_budget *budget = catalogue->server->budget;
@@ -236,7 +236,7 @@ static bool has_memory(tcs_load *load, bool *give_up) {
   return fits(budget, load);
 }
 
-/* One client leaves a thread to the others, so that nobody waits for its long imports. */
+/* One thread stays free of each client's imports, so that its long imports do not block other clients. */
 static bool may_start(const tcs_load *load) {
   return load->source.operators || count_of(load->catalogue, load->source.client, true) < TCS_LOAD_THREADS - 1;
 }

@@ -1,4 +1,4 @@
-/* Meshes of the catalogue: how one is read, kept and described. */
+/* Meshes of the catalogue: import and description. */
 #include "server/catalogue/own.h"
 
 #include "server/observe/log.h"
@@ -8,7 +8,7 @@ static bool import(tcs_load *load, const tc_import_options *options) {
   return load->mesh != NULL;
 }
 
-/* The memory of normals was asked for with the rest. */
+/* The import's reservation includes the normals. */
 static bool dress(tcs_load *load) {
   tc_mesh_measure(load->mesh, &load->measures);
   if (load->mesh->normals || tc_mesh_add_normals(load->mesh, tcs_load_goes_on, load, &load->error)) return true;

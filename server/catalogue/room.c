@@ -1,4 +1,4 @@
-/* Making room: what goes first when memory runs out. */
+/* Eviction: the order in which memory is released. */
 #include <inttypes.h>
 
 #include "server/catalogue/own.h"
@@ -6,17 +6,17 @@
 #include "server/observe/log.h"
 #include "server/schedule/scheduler.h"
 
-/* A page at each end, and what describes it. */
+/* Whole pages, one page more for the alignment, one for the descriptor. */
 uint64_t tcs_room_of(uint64_t voxel_bytes) { return (voxel_bytes + 4095) / 4096 * 4096 + 8192; }
 
-/* Bytes missing: of the whole, and of the voxels' part of it. */
+/* Bytes missing: in the whole budget, and in the voxels' share. */
 typedef struct shortage {
   uint64_t any, voxels;
 } shortage;
 
 static uint64_t minus(uint64_t bytes, uint64_t less) { return bytes > less ? bytes - less : 0; }
 
-/* What was removed and is still being used comes back by itself. */
+/* Pinned memory (removed but still referenced) will be released without eviction. */
 static shortage shortage_of(tcs_budget *budget, uint64_t bytes, uint64_t voxels) {
   const uint64_t coming = tcs_budget_used(budget, TCS_MEMORY_PINNED);
   return (shortage){minus(bytes, tcs_budget_left(budget) + coming),
@@ -29,7 +29,7 @@ static int by_age(const void *a, const void *b) {
   return (*x)->used_us < (*y)->used_us ? -1 : (*x)->used_us > (*y)->used_us;
 }
 
-/* Volumes and meshes no session shows, the first to go first; not `spare`, of which a picture is being made. */
+/* Volumes and meshes that no session shows, sorted by eviction order; without `spare`, which a picture is using. */
 static GPtrArray *idle_entries(tcs_catalogue *catalogue, const tc_volume *spare, uint64_t *bytes) {
   GPtrArray *idle = g_ptr_array_new();
   GHashTableIter iterator;

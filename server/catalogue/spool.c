@@ -30,7 +30,7 @@ static bool is_ours(int folder_fd, const char *name, struct stat *status) {
          status->st_uid == geteuid();
 }
 
-/* An upload's folder, once its lock can be had. */
+/* Removes an upload's folder if its lock is free. */
 static bool sweep_folder(int spool_fd, const char *name) {
   const int fd = openat(spool_fd, name, O_RDONLY | O_DIRECTORY | O_CLOEXEC | O_NOFOLLOW);
   if (fd < 0) return false;
@@ -40,7 +40,7 @@ static bool sweep_folder(int spool_fd, const char *name) {
   return abandoned && unlinkat(spool_fd, name, AT_REMOVEDIR) == 0;
 }
 
-/* Versions before this one had a file without a folder. A lease can be had only on what nobody has open. */
+/* Earlier versions wrote files without a folder. A lease is granted only on a file that nobody has open. */
 static bool sweep_file(int spool_fd, const char *name) {
   const int fd = openat(spool_fd, name, O_RDONLY | O_CLOEXEC | O_NOFOLLOW | O_NONBLOCK);
   if (fd < 0) return false;
@@ -97,7 +97,7 @@ static bool may_open(const tcs_spool *spool, const char *client, GError **error)
   return false;
 }
 
-/* A locked folder; another daemon that starts may sweep it between its making and its locking: then again. */
+/* Creates and locks a folder. Another daemon that starts may sweep it between creation and lock; then it retries. */
 static bool make_folder(tcs_spooled *file, const char *spool) {
   for (int attempt = 0; attempt < 4; attempt++) {
     g_free(file->folder);
@@ -105,7 +105,7 @@ static bool make_folder(tcs_spooled *file, const char *spool) {
     if (!g_mkdtemp_full(file->folder, 0700)) break;
     file->lock_fd = open(file->folder, O_RDONLY | O_DIRECTORY | O_CLOEXEC | O_NOFOLLOW);
     if (file->lock_fd >= 0) {
-      (void)flock(file->lock_fd, LOCK_EX | LOCK_NB); /* where there are no locks, nothing is swept either */
+      (void)flock(file->lock_fd, LOCK_EX | LOCK_NB); /* without file locks other daemons sweep nothing either */
       file->fd = openat(file->lock_fd, FILE_NAME, O_RDWR | O_CREAT | O_EXCL | O_CLOEXEC | O_NOFOLLOW, 0600);
       if (file->fd >= 0) return true;
       close(file->lock_fd);

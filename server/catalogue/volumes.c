@@ -1,4 +1,4 @@
-/* Volumes of the catalogue: how one is read, kept and described. */
+/* Volumes of the catalogue: import and description. */
 #include "server/catalogue/own.h"
 
 #include <math.h>
@@ -13,7 +13,7 @@ static bool import(tcs_load *load, const tc_import_options *options) {
   return load->volume != NULL;
 }
 
-/* The body takes memory of its own; where there is none, the table stays. */
+/* Reserves memory for the body (the volume without the table). If refused, the table stays visible. */
 static bool reserve_body(void *user, uint64_t bytes) {
   tcs_load *load = user;
   const uint64_t both = load->reserved + tcs_room_of(bytes);
@@ -22,7 +22,7 @@ static bool reserve_body(void *user, uint64_t bytes) {
   return true;
 }
 
-/* So does the mask of voxels without a value, of which nothing is known before all are there. */
+/* Reserves memory for the mask of missing values, whose need is known only after the whole volume was read. */
 static bool reserve_gaps(tcs_load *load) {
   const tc_volume *gaps = tc_volume_gaps(load->volume);
   const uint64_t bytes = gaps ? tc_volume_bytes(gaps) : 0;
@@ -55,7 +55,7 @@ bool tcs_load_is_of_series(const tcs_load *load) {
   return load->volume && tc_volume_describe(load->volume)->frames > 1;
 }
 
-/* The first that is loaded of several brings their file along. */
+/* The first volume loaded from a series creates the series, which takes over the uploaded file. */
 static void keep_series(tcs_load *load, tcs_entry *entry) {
   tcs_spooled *upload = load->source.upload;
   if (entry->series || !tcs_load_is_of_series(load) || (upload && !tcs_spooled_keep(upload))) return;
@@ -129,7 +129,7 @@ void tcs_describe_provenance(cJSON *json, const tc_volume *volume) {
   cJSON_AddStringToObject(json, "note", desc->note);
 }
 
-/* Single segments that a combination is of, smallest first. */
+/* Adds the single segments that make up a combined segment, smallest first. */
 static void add_members(cJSON *list, const tc_volume *volume, const tc_segment *segment) {
   const tc_segment *first = segment->of[0] ? tc_volume_segment(volume, segment->of[0]) : NULL;
   for (int i = 0; i < 2 && segment->of[i]; i++)
@@ -161,7 +161,7 @@ static void add_window(cJSON *json, const char *name, double center, double widt
   cJSON_AddNumberToObject(window, "width", width);
 }
 
-/* What a client needs to fit presets and windows as the defaults are. */
+/* Adds what a client needs to fit presets and windows as the default scene does. */
 static void describe_fit(cJSON *json, const tc_fit *fit, bool has_body) {
   cJSON *display = cJSON_AddObjectToObject(json, "display"), *windows = cJSON_AddObjectToObject(display, "windows");
   add_vector(display, "range", (const double[3]){fit->stretch.low, fit->stretch.middle, fit->stretch.high}, 3);
@@ -219,7 +219,7 @@ static cJSON *series_json(const tc_series *s) {
   return object;
 }
 
-/* A series has a row for each of its volumes. */
+/* One row for each volume of a series. */
 cJSON *tcs_describe_series(const tc_series *series, size_t count) {
   cJSON *list = cJSON_CreateArray(), *volumes = NULL;
   for (size_t i = 0; i < count; i++) {

@@ -1,4 +1,4 @@
-/* tomocast convert: a volume to another format, a surface in it to a mesh, or what it shows to a voxel model. */
+/* tomocast convert: a volume to another format, a surface of a volume to a mesh, or a volume to a voxel model. */
 #include <float.h>
 #include <math.h>
 #include <stdio.h>
@@ -12,9 +12,9 @@
 #include "renderer/splat/vmd.h"
 #include "server/cli/cli.h"
 
-/* What the arguments say. */
+/* The parsed arguments. */
 typedef struct wanted {
-  double iso, label, simplify; /* simplify: mm; negative: not */
+  double iso, label, simplify; /* simplify: error in mm; negative: do not simplify */
   bool all_labels;
   tc_vmd_wish model;
 } wanted;
@@ -32,7 +32,7 @@ static bool bad_usage(GError **error, const char *what) {
   return false;
 }
 
-/* `count` numbers with commas between them, each at least `least`. An option that was not given is left alone. */
+/* Parses `count` comma-separated numbers, each at least `least`. text NULL (option absent): keeps *numbers. */
 static bool read_numbers(const char *option, const char *text, int count, double least, double *numbers,
                          GError **error) {
   if (!text) return true;
@@ -50,7 +50,7 @@ static bool read_numbers(const char *option, const char *text, int count, double
   return good;
 }
 
-/* Labels are what is above 0. */
+/* A label volume's model holds the voxels above 0. */
 static bool make_wish(const arguments *a, wanted *w, GError **error) {
   double range[2] = {DBL_MIN, INFINITY};
   if (!read_numbers("--threshold", a->threshold, 2, -INFINITY, range, error)) return false;
@@ -60,7 +60,7 @@ static bool make_wish(const arguments *a, wanted *w, GError **error) {
   return true;
 }
 
-/* Exactly one option says which voxels a model has. */
+/* A voxel model needs exactly one option that selects its voxels. */
 static bool check_model(const arguments *a, bool model, wanted *w, GError **error) {
   int ways = (a->threshold != NULL) + (a->shell != NULL) + a->labels;
   if (!model && (ways || a->attributes))
@@ -70,7 +70,7 @@ static bool check_model(const arguments *a, bool model, wanted *w, GError **erro
                    : bad_usage(error, "a .vmd wants its voxels: --threshold LOW,HIGH, or --labels, or --iso-shell V");
 }
 
-/* Exactly one option says which surface a mesh is of. */
+/* A mesh needs exactly one option that selects its surface. */
 static bool check_mesh(const arguments *a, bool mesh, wanted *w, GError **error) {
   const bool from_mesh = tc_import_names_mesh(a->rest[0]);
   if (from_mesh && !mesh) return bad_usage(error, "IN is a mesh: OUT must end in .ply, .stl or .obj");
@@ -135,7 +135,7 @@ typedef struct labels {
   GPtrArray *meshes;
 } labels;
 
-/* One color for all of its vertices: the segment's own, or that of its number. */
+/* Gives all vertices one colour: the segment's, or the default of its number. */
 static bool color_label(const labels *l, uint32_t label, tc_mesh *mesh, GError **error) {
   const tc_volume_desc *d = tc_volume_describe(l->volume);
   const float *rgb = l->colors->entries[(int)((label - d->intercept) / d->slope) - l->colors->base];
@@ -193,9 +193,9 @@ static tc_mesh *extract(const tc_volume *volume, const wanted *w, const argument
   return NULL;
 }
 
-/* Takes the mesh. */
+/* Takes ownership of the mesh. */
 static bool write_mesh(tc_mesh *mesh, const wanted *w, const arguments *a, GError **error) {
-  if (mesh && w->simplify >= 0 && !a->label) { /* labels were, each by itself */
+  if (mesh && w->simplify >= 0 && !a->label) { /* labels were simplified one by one */
     tc_mesh *all = mesh;
     mesh = tc_mesh_simplify(all, w->simplify, 0, error);
     tc_mesh_free(all);
@@ -225,7 +225,7 @@ static bool write_model(const tc_volume *volume, const wanted *w, const argument
   return good;
 }
 
-/* Loading takes longest: shown where somebody looks. */
+/* Progress of the import, the slowest step; only on a terminal. */
 static bool show_progress(void *user, double fraction) {
   fprintf(stderr, "\r\033[K%s: %.0f %%", (const char *)user, 100 * fraction);
   return true;

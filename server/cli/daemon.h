@@ -1,5 +1,5 @@
-/* The daemon of `tomocast serve`, opened, run turn by turn and closed: for the command itself, and for tests that drive
- * one in their own thread. One at a time in a process: it takes SIGTERM, SIGINT and SIGHUP. */
+/* The daemon of `tomocast serve` as open, turn and close: for the command, and for tests that drive a daemon in their
+ * own thread. One at a time per process, since it handles SIGTERM, SIGINT and SIGHUP. */
 #ifndef TCS_CLI_DAEMON_H
 #define TCS_CLI_DAEMON_H
 
@@ -7,12 +7,13 @@
 
 typedef struct tcs_daemon tcs_daemon;
 
-/* As `tomocast serve` with these arguments: it listens. NULL: it does not; said on stderr, *code is the exit code. */
+/* Starts a daemon with the arguments of `tomocast serve`; on return it listens. NULL on an error, which was printed to
+ * stderr; *code is the exit code. */
 tcs_daemon *tcs_daemon_open(int argc, char **argv, int *code);
-/* One turn of the loop, which waits for at most `most_ms` milliseconds. False: SIGTERM came and everything has ended.
- */
+/* One turn of the event loop, which waits for at most `most_ms` milliseconds. False: the daemon drained after a signal
+ * and has nothing left to do. */
 bool tcs_daemon_turn(tcs_daemon *daemon, int most_ms);
 tcs_server *tcs_daemon_server(tcs_daemon *daemon);
-void tcs_daemon_close(tcs_daemon *daemon); /* at any time */
+void tcs_daemon_close(tcs_daemon *daemon); /* at any time, also before it drained */
 
 #endif

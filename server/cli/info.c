@@ -1,4 +1,4 @@
-/* tomocast info: what a file holds, for people or (--json) for programs. */
+/* tomocast info: the contents of a file, for people or (--json) for programs. */
 #include <math.h>
 #include <stdio.h>
 #include <string.h>
@@ -13,12 +13,12 @@ typedef struct report {
   const tc_volume *volume;
   const tc_volume_desc *desc;
   const tc_volume_stats *stats;
-  char orientation[4]; /* where index x, y, z lead: "LPS" goes left, back, up */
+  char orientation[4]; /* patient direction of +x, +y, +z index: "LPS" = left, posterior, superior */
   tc_series *series;
   size_t n_series;
 } report;
 
-/* The patient direction nearest to each index axis; S is towards the head. */
+/* The patient direction nearest to each index axis; S (superior) is towards the head. */
 static void name_orientation(const double direction[9], char letters[4]) {
   for (int k = 0; k < 3; k++) {
     int best = 0;
@@ -131,7 +131,7 @@ static void print_text(const report *r) {
 
 /* --- the command -------------------------------------------------------------------------------- */
 
-/* "folder#2#volume=3" chooses a series and volume; the list is of the whole folder. */
+/* A path "folder#2#volume=3" selects a series and volume; the list covers the whole folder. */
 static bool list_series(report *r, const char *path, bool patient, GError **error) {
   const tc_import_options options = {.patient = patient};
   char *plain = g_strdup(path);

@@ -1,4 +1,4 @@
-/* tomocast info of a mesh file. */
+/* tomocast info for a mesh file. */
 #include <cjson/cJSON.h>
 #include <inttypes.h>
 #include <stdio.h>

@@ -1,4 +1,4 @@
-/* tomocast render: one picture, no server. */
+/* tomocast render: one picture without a server. */
 #include <errno.h>
 #include <limits.h>
 #include <stdarg.h>
@@ -24,14 +24,14 @@ typedef struct arguments {
   char **rest; /* VOLUME */
 } arguments;
 
-/* Everything the command holds, released at one place. */
+/* All resources of the command, released in one place. */
 typedef struct job {
   arguments args;
   tc_renderer_options options;
   tc_image_format format;
   const char *output;
-  tc_mesh **meshes;                  /* of the scene's surfaces, by their places */
-  tc_volume *volume, *labels, *body; /* body: the volume without tables, NULL where there are none */
+  tc_mesh **meshes;                  /* of the scene's surfaces, by index */
+  tc_volume *volume, *labels, *body; /* body: the volume without the table, or NULL */
   tc_scene scene;
   tc_fit fit;
   tc_renderer *renderer;
@@ -40,7 +40,7 @@ typedef struct job {
   tc_explanation plan;
   GByteArray *image;
   double import_ms, encode_ms;
-  int exit_code; /* for the error under way */
+  int exit_code; /* exit code for the pending error */
 } job;
 
 static double now_ms(void) { return (double)g_get_monotonic_time() / 1e3; }
@@ -91,7 +91,7 @@ static bool parse_arguments(job *j, int argc, char **argv, GError **error) {
   return good;
 }
 
-/* One of auto, cpu and gl, which tc_backend and tc_table_builder have in the same places. */
+/* Parses auto, cpu or gl; tc_backend and tc_table_builder share this order. */
 static bool read_backend(job *j, const char *option, const char *name, int *which, GError **error) {
   static const char *const names[] = {[TC_BACKEND_AUTO] = "auto", [TC_BACKEND_CPU] = "cpu", [TC_BACKEND_GL] = "gl"};
   G_STATIC_ASSERT(G_N_ELEMENTS(names) == TC_BACKEND_COUNT && TC_TABLES_CPU == (int)TC_BACKEND_CPU &&
@@ -101,7 +101,7 @@ static bool read_backend(job *j, const char *option, const char *name, int *whic
   return usage_error(j, error, "--%s %s: auto, cpu or gl is wanted", option, name);
 }
 
-/* The name's ending decides, whatever the scene says: the file is what it is called. */
+/* The file name's suffix decides the format, whatever the scene says. */
 static bool read_output(job *j, GError **error) {
   const char *dot;
   j->output = j->args.output ? j->args.output : "render.png";
@@ -146,7 +146,7 @@ static bool make_scene(job *j, GError **error) {
   return tcs_cli_lay_scene(&from, &j->fit, &j->scene, &j->exit_code, error);
 }
 
-/* From here on the body is the volume, where the scene leaves out what is around. */
+/* Replaces the volume by its body (the volume without the table) if the scene hides the table. */
 static void leave_table(job *j) {
   if (!j->body || !j->scene.hide_table || j->scene.mode == TC_MODE_MPR) return;
   tc_volume_unref(j->volume);
@@ -163,7 +163,8 @@ static bool load(job *j, GError **error) {
   return j->volume != NULL;
 }
 
-/* Without a server a label volume's id is a path; --labels takes longer ones and needs no scene. */
+/* Without a server the id of a label volume is a path. --labels takes paths too long for an id and needs no scene
+ * document. */
 static bool load_labels(job *j, GError **error) {
   const char *path = j->args.labels ? j->args.labels : j->scene.labels.volume;
   if (!*path) return true;
@@ -173,7 +174,7 @@ static bool load_labels(job *j, GError **error) {
   return j->labels != NULL;
 }
 
-/* So is a mesh's. */
+/* Without a server the id of a mesh is a path. */
 static bool load_meshes(job *j, GError **error) {
   const tc_scene *s = &j->scene;
   j->meshes = g_new0(tc_mesh *, s->mesh.n_surfaces + 1);
@@ -194,7 +195,7 @@ static bool make_renderer(job *j, GError **error) {
   return false;
 }
 
-/* The verbose ray of --ray, to stdout. */
+/* Prints the record of the ray of --ray to stdout. */
 static bool print_ray(job *j, GError **error) {
   int x, y, end = 0;
   const tc_scene *s = &j->scene;
@@ -213,9 +214,9 @@ static bool print_ray(job *j, GError **error) {
   return true;
 }
 
-/* Two small frames tell what the picture costs. */
+/* Estimates the cost of the picture from two small frames. */
 static bool time_frames(job *j, tc_quality_cost *cost, GError **error) {
-  tc_scene s = j->scene; /* borrows */
+  tc_scene s = j->scene; /* borrows the lists of j->scene */
   const tc_render_request small = {
       .width = MAX(1, s.image.width / 2), .height = MAX(1, s.image.height / 2), .labels = j->labels};
   s.quality.max_ms = 0;
@@ -228,7 +229,8 @@ static bool time_frames(job *j, tc_quality_cost *cost, GError **error) {
   return true;
 }
 
-/* quality.maxError by one measurement of this view, maxMilliseconds by the times of two small frames too. */
+/* Chooses the sampling: for quality.maxError by one measurement of this view, for maxMilliseconds also by the times of
+ * two small frames. */
 static bool choose_sampling(job *j, GError **error) {
   tc_scene *s = &j->scene;
   const bool timed = s->quality.max_ms > 0;

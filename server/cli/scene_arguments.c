@@ -1,11 +1,11 @@
-/* The scene a sub-command renders: defaults, then a document, then single members, then the size asked for. */
+/* The scene of a sub-command: defaults, then a document, then single members, then the image size. */
 #include <math.h>
 
 #include "protocol/protocol.h"
 #include "server/cli/cli.h"
 #include "server/session/session_scene.h"
 
-/* A scene with the most knots there may be is some 8 MiB of text. */
+/* A scene with the largest number of knots is some 8 MiB of text. */
 #define MAX_SCENE_BYTES (32u << 20)
 
 typedef struct layer {
@@ -14,7 +14,7 @@ typedef struct layer {
   tc_scene defaults, *scene;
 } layer;
 
-/* The picture's own format put in: what a document says of it is overruled. */
+/* Replaces the document's image format by the output file's. */
 static void force_format(const char *format, cJSON *patch) {
   cJSON *image = cJSON_GetObjectItemCaseSensitive(patch, "image");
   if (!image && cJSON_IsObject(patch)) image = cJSON_AddObjectToObject(patch, "image");
@@ -23,7 +23,7 @@ static void force_format(const char *format, cJSON *patch) {
   cJSON_AddStringToObject(image, "format", format);
 }
 
-/* Takes the patch. */
+/* Takes ownership of the patch. */
 static bool lay(layer *l, cJSON *patch, const char *where, GError **error) {
   const tcp_scene_context context = {.stretch = &l->fit->stretch};
   if (patch && l->from->format) force_format(l->from->format, patch);

@@ -1,4 +1,4 @@
-/* tomocast serve: wires the daemon's parts, runs its loop, drains, and takes it apart in reverse. */
+/* tomocast serve: creates the daemon's parts, runs its loop, drains, and frees the parts in reverse order. */
 #include <limits.h>
 #include <malloc.h>
 #include <stdio.h>
@@ -27,10 +27,10 @@
 #include "server/session/sessions.h"
 
 #define TICK_US 1000000
-#define REPORT_US 200000 /* between messages about loading volumes */
-#define LOG_MOST_MS 500  /* how long the end waits for a log that nobody reads */
-#define DRAIN_MOST_S 5   /* what is not finished this long after the drain began is cut */
-#define END_MOST_MS 8000 /* and the process ends, whatever is left, this long after it */
+#define REPORT_US 200000 /* between progress reports of imports */
+#define LOG_MOST_MS 500  /* wait at exit for a log that nobody reads */
+#define DRAIN_MOST_S 5   /* requests still open this long after the drain began are cut */
+#define END_MOST_MS 8000 /* the process ends this long after that, whatever still runs */
 
 struct tcs_daemon {
   tcs_config config;
@@ -41,14 +41,14 @@ struct tcs_daemon {
   tcs_source signals, completions;
   int64_t ticked_us, reported_us, drain_us;
   int signal_count;
-  bool quiet; /* takes no connections any more */
+  bool quiet; /* accepts no new connections */
 };
 
 #define OWNER(pointer, member) ((tcs_daemon *)(void *)((char *)(pointer)-offsetof(tcs_daemon, member)))
 
 /* --- the loop -------------------------------------------------------------------------------------- */
 
-/* The token file is read again, by a worker: a disk may take its time. */
+/* Rereading the token file, on a worker because the disk may be slow. */
 typedef struct reload_task {
   tcs_task task;
   tcs_daemon *d;
@@ -108,7 +108,7 @@ static void tick(tcs_daemon *d, int64_t now_us) {
   tcs_catalogue_tick(server->catalogue, now_us);
 }
 
-/* Milliseconds to wait: until MHD, a session that comes to rest, a viewer who is read again, or the next tick. */
+/* Milliseconds to wait: until MHD, a session's rest, a paused viewer or the next tick needs a turn. */
 static int timeout_ms(const tcs_daemon *d, int http_ms, int64_t now_us) {
   tcs_streams *streams = tcs_http_streams(d->server.http);
   const int64_t read_us = tcs_streams_resume(streams, now_us);
@@ -131,7 +131,7 @@ static void begin_drain(tcs_daemon *d, int64_t now_us) {
   tcs_catalogue_cancel_all(d->server.catalogue);
 }
 
-/* True when there is nothing left to wait for. */
+/* True when the drain has nothing left to wait for. */
 static bool drained(const tcs_daemon *d, int64_t now_us) {
   const int64_t listen_us = d->config.drain_seconds * 1000000, passed_us = now_us - d->drain_us;
   if (d->signal_count > 1 || passed_us > listen_us + DRAIN_MOST_S * INT64_C(1000000)) return true;
@@ -139,7 +139,7 @@ static bool drained(const tcs_daemon *d, int64_t now_us) {
          tcs_scheduler_idle(d->server.scheduler);
 }
 
-/* What a drain asks of this turn; false: it is over. */
+/* One turn of the drain; false: it is over. */
 static bool drain(tcs_daemon *d, int64_t now_us) {
   if (!d->server.draining) begin_drain(d, now_us);
   if (!d->quiet && now_us - d->drain_us >= d->config.drain_seconds * 1000000) {
@@ -154,7 +154,7 @@ bool tcs_daemon_turn(tcs_daemon *d, int most_ms) {
   const int64_t now_us = g_get_monotonic_time();
   if (d->signal_count && !drain(d, now_us)) return false;
   tick(d, now_us);
-  tcs_completions_drain(server->completions); /* every turn, however many sockets are ready */
+  tcs_completions_drain(server->completions); /* in every turn, so that busy sockets cannot starve finished tasks */
   tcs_sessions_wake(server->sessions, now_us);
   const int http_ms = tcs_http_run(server->http);
   const int wait_ms = timeout_ms(d, http_ms, g_get_monotonic_time());
@@ -181,7 +181,8 @@ static void raise_descriptor_limit(void) {
   setrlimit(RLIMIT_NOFILE, &limit);
 }
 
-/* What is freed goes back: by default each thread may get a heap of its own, and large blocks stay in them. */
+/* Returns freed memory to the system: by default each thread may get its own heap, and freed large blocks stay in it.
+ *  */
 static void keep_heap_small(void) {
 #ifdef M_ARENA_MAX
   mallopt(M_ARENA_MAX, 2);
@@ -249,7 +250,7 @@ static bool start(tcs_daemon *d, GError **error) {
   return load_volumes(d, error);
 }
 
-/* Uploads under way: their connections must not stay suspended, their files not stay. */
+/* Ends running uploads: resumes their suspended connections and removes their files. */
 static void end_uploads(tcs_server *server) {
   tcs_uploads_abandon(server);
   for (int i = 0; i < 4; i++) {
@@ -258,7 +259,7 @@ static void end_uploads(tcs_server *server) {
   }
 }
 
-/* Everything that could still call back is ended first, what it would call is freed afterwards. */
+/* Stops everything that can still call back before it frees what the callbacks use. */
 static void stop(tcs_daemon *d) {
   tcs_server *server = &d->server;
   if (server->http) {
@@ -349,7 +350,7 @@ static bool configure(tcs_daemon *d, const serve_options *options, GError **erro
          tcs_log_open_audit(options->audit ? options->audit : config->audit_file, error);
 }
 
-/* Only what was read so far is there to be cleared. */
+/* Frees the configuration and access control, all that exists before the daemon starts. */
 static void clear(tcs_daemon *d) {
   tcs_access_free(d->server.access);
   tcs_config_clear(&d->config);
@@ -357,7 +358,7 @@ static void clear(tcs_daemon *d) {
 }
 
 static int serve(tcs_daemon *d, GError **error) {
-  /* The error domain registers itself at its first use; before any thread it needs no lock for that. */
+  /* The error domain registers itself on first use; before the first thread starts this needs no lock. */
   (void)tc_error_quark();
   raise_descriptor_limit();
   tcs_encode_prepare_process();

@@ -15,9 +15,9 @@
 #define FLUSH_MOST_MS 300
 
 struct tcs_signals {
-  int heard_fd, told_fd, stop_fd; /* signalfd; eventfds: for the I/O thread, for the end of this one */
+  int heard_fd, told_fd, stop_fd; /* signalfd; eventfd that wakes the I/O thread; eventfd that ends this thread */
   int64_t most_ms;
-  int64_t deadline_us; /* 0 = nobody wants an end */
+  int64_t deadline_us; /* 0 = no end requested */
   atomic_int ends;
   atomic_bool hung_up;
   pthread_t thread;
@@ -53,8 +53,8 @@ static void hear(tcs_signals *signals) {
   }
 }
 
-/* Something does not end: an import, a disk, a driver. There is nothing left that would be lost. By the bare call:
- * sanitizers make _exit() look for what is not freed, and here that is everything. */
+/* Ends the process although an import, a disk or a driver hangs; nothing of value is lost. Uses the system call, since
+ * sanitizers make _exit() report leaks, and here nothing was freed. */
 static void leave(void) {
   tcs_log(TCS_LOG_WARN, "stop.forced", "text=\"something did not end in time and was left as it was\"");
   tcs_log_flush(FLUSH_MOST_MS);

@@ -61,7 +61,7 @@ static void free_named_path(void *item) {
   g_free(named);
 }
 
-/* Three quarters of what there is: the rest is the system's, and other programs'. */
+/* Three quarters of the memory: the rest is for the system and other programs. */
 static int64_t default_memory_bytes(void) {
   const uint64_t machine = tcs_machine_memory("");
   return machine ? (int64_t)MIN(machine / 4 * 3, (uint64_t)INT64_MAX) : 4 * GIB;

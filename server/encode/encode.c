@@ -8,10 +8,10 @@
 
 extern char **environ;
 
-/* From this quality on the eye finds the missing chroma of 4:2:0 before it finds the quantisation. */
+/* From this quality on, 4:2:0 chroma subsampling is more visible than the quantisation. */
 #define FULL_CHROMA_QUALITY 80
 
-/* What is kept of it between pictures. */
+/* Largest scratch buffer kept between pictures. */
 #define MOST_SCRATCH ((size_t)16 << 20)
 
 struct tcs_encoder {
@@ -28,7 +28,7 @@ void tcs_encode_prepare_process(void) {
       memcpy(name, *variable, length);
       name[length] = 0;
       unsetenv(name);
-      variable = environ; /* the array moved up */
+      variable = environ; /* unsetenv() shifted the array: start again */
     } else {
       variable++;
     }
@@ -70,7 +70,7 @@ static bool is_grey_mode(tc_mode mode) {
   return mode == TC_MODE_MIP || mode == TC_MODE_MINIP || mode == TC_MODE_AVERAGE || mode == TC_MODE_MPR;
 }
 
-/* A colour background or coloured labels over a grey projection keep the colour: the pixels decide. */
+/* A coloured background or coloured labels over a grey projection keep the picture in colour, so test every pixel. */
 static bool all_grey(const tc_frame *frame) {
   size_t count = (size_t)frame->width * (size_t)frame->height;
   const uint8_t *p = frame->rgba;
@@ -123,7 +123,7 @@ static int append_png(spng_ctx *ctx, void *user, void *bytes, size_t size) {
   return 0;
 }
 
-/* Level 1 with the "up" filter: rendered pictures are smooth, so anything costlier saves little and takes long. */
+/* Compression level 1 with the "up" filter: rendered pictures are smooth, and costlier settings save few bytes. */
 static int start_png(spng_ctx *png, const tc_frame *frame, bool alpha, GByteArray *out) {
   struct spng_ihdr header = {.width = (uint32_t)frame->width,
                              .height = (uint32_t)frame->height,
@@ -149,7 +149,7 @@ static int write_png_rows(spng_ctx *png, const tc_frame *frame, bool alpha, unsi
       for (size_t x = 0; x < width; x++) memcpy(row + 3 * x, pixel + 4 * x, 3);
     rc = spng_encode_row(png, row, width * channels);
   }
-  return rc == SPNG_EOI ? 0 : rc; /* the last row answers "end of image" */
+  return rc == SPNG_EOI ? 0 : rc; /* SPNG_EOI after the last row */
 }
 
 static bool encode_png(tcs_encoder *encoder, const tc_frame *frame, const tc_scene *scene, GByteArray *out,

@@ -12,18 +12,18 @@
 
 typedef struct tcs_encoder tcs_encoder;
 
-/* Removes the TJ_* environment variables, which would silently change what TurboJPEG writes. Call once at the start of
- * the program, before any thread. */
+/* Removes the TJ_* environment variables, which would silently change TurboJPEG's output. Call once at the start of the
+ * program, before any thread. */
 void tcs_encode_prepare_process(void);
 
 /* TC_ERROR_MEMORY or TC_ERROR_INTERNAL on failure. */
 tcs_encoder *tcs_encoder_new(GError **error);
 void tcs_encoder_free(tcs_encoder *encoder); /* NULL is fine */
 
-/* Writes `frame` (its rgba) in scene->image.format to *out, whose former content is dropped. `quality_override` 1..100
- * takes the place of scene->image.quality for JPEG; 0 or less keeps the scene's. A grey-scale JPEG is written when the
- * mode is mip, minip, average or mpr and every pixel is grey; a PNG is RGB, or RGBA with straight alpha when the
- * background is transparent. A transparent background with JPEG is TC_ERROR_INVALID. On failure *out is empty. */
+/* Encodes `frame` (its rgba) in scene->image.format into *out, replacing its content. quality_override 1..100 replaces
+ * scene->image.quality for JPEG; 0 or less keeps the scene's. Writes a grey-scale JPEG when the mode is mip, minip,
+ * average or mpr and every pixel is grey. A PNG is RGB, or RGBA with straight alpha when the background is transparent.
+ * A transparent background with JPEG is TC_ERROR_INVALID. On failure *out is empty. */
 bool tcs_encode(tcs_encoder *encoder, const tc_frame *frame, const tc_scene *scene, int quality_override,
                 GByteArray *out, GError **error);
 

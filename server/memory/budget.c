@@ -35,7 +35,7 @@ void tcs_budget_free(tcs_budget *budget) {
   g_free(budget);
 }
 
-/* Under the lock. */
+/* Caller holds the lock. */
 static uint64_t left(const tcs_budget *budget, bool voxels) {
   const uint64_t most = voxels ? budget->voxels : budget->total;
   uint64_t used = 0;

@@ -1,4 +1,5 @@
-/* The daemon's budget as the renderer's ledger (renderer/base/ledger.h): what is reserved under it, and what was refused. */
+/* Adapter: the daemon's budget behind the renderer's ledger interface (renderer/base/ledger.h), for one kind of memory.
+ *  */
 #ifndef TCS_MEMORY_LEDGER_H
 #define TCS_MEMORY_LEDGER_H
 
@@ -8,16 +9,16 @@
 #include "server/memory/budget.h"
 
 typedef struct tcs_ledger {
-  tc_ledger ask; /* for the renderer; any thread */
+  tc_ledger ask; /* passed to the renderer; any thread */
   tcs_budget *budget;
   tcs_memory_kind kind;
   atomic_int_fast64_t held;    /* bytes reserved and counted */
-  atomic_int_fast64_t refused, held_then; /* bytes of the last refusal since it began, 0 = none; what was held beside them */
+  atomic_int_fast64_t refused, held_then; /* last refused size since tcs_ledger_begin(), 0 = none; held then */
 } tcs_ledger;
 
-/* Not copied afterwards, and outlived by the budget. */
+/* The budget must outlive the ledger. Do not copy it afterwards. */
 void tcs_ledger_init(tcs_ledger *ledger, tcs_budget *budget, tcs_memory_kind kind);
-void tcs_ledger_begin(tcs_ledger *ledger); /* forgets refusals */
-void tcs_ledger_end(tcs_ledger *ledger);   /* gives back all that is held */
+void tcs_ledger_begin(tcs_ledger *ledger); /* resets `refused` */
+void tcs_ledger_end(tcs_ledger *ledger);   /* releases everything held */
 
 #endif

@@ -11,7 +11,7 @@ static char *read_text(const char *root, const char *path, const char *name) {
   return text;
 }
 
-/* The number in a file of a group; "max", nothing or nonsense is no limit. */
+/* The number in a control file; "max", a missing file or an invalid number is no limit. */
 static uint64_t limit_in(const char *root, const char *group, const char *name) {
   char *text = read_text(root, group, name), *end = NULL;
   const uint64_t value = text ? g_ascii_strtoull(text, &end, 10) : 0;
@@ -20,8 +20,8 @@ static uint64_t limit_in(const char *root, const char *group, const char *name) 
   return is_number && value ? value : UINT64_MAX;
 }
 
-/* The least over a group and everything above it. Inside a container the file system may show the own group at the
- * top, under another path than /proc says: groups that are not there are passed over. */
+/* The least limit of a group and its parents. Inside a container the file system may have the process's group at the
+ * top, under a different path than /proc reports: groups that do not exist are skipped. */
 static uint64_t least_upwards(const char *root, const char *mount, const char *path, const char *const *names) {
   uint64_t least = UINT64_MAX;
   char *group = g_strdup(path);
@@ -37,7 +37,7 @@ static uint64_t least_upwards(const char *root, const char *mount, const char *p
   return least;
 }
 
-/* One line of /proc/self/cgroup: NUMBER:CONTROLLERS:PATH; no controllers: version 2. */
+/* One line of /proc/self/cgroup, NUMBER:CONTROLLERS:PATH; a line without controllers is version 2. */
 static uint64_t limit_of_line(const char *root, const char *line) {
   static const char *const second[] = {"memory.max", "memory.high", NULL}, *const first[] = {"memory.limit_in_bytes",
                                                                                              NULL};
