@@ -1,4 +1,4 @@
-/* The one binary: hands over to a sub-command. */
+/* The single binary: dispatches to a sub-command. */
 #include <locale.h>
 #include <stdio.h>
 #include <string.h>
@@ -39,7 +39,7 @@ static int refuse(const char *what, const char *name) {
 }
 
 int main(int argc, char **argv) {
-  setlocale(LC_CTYPE, ""); /* names and messages in the user's characters; numbers stay as they are in C */
+  setlocale(LC_CTYPE, ""); /* file names and messages in the user's character set; numbers stay in C format */
   tcs_encode_prepare_process();
   if (argc < 2) return refuse("a sub-command is wanted", "");
   const char *name = argv[1];

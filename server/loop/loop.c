@@ -9,7 +9,7 @@
 
 struct tcs_loop {
   int epoll_fd;
-  int n_events, at; /* the batch being worked on */
+  int n_events, at; /* the batch being dispatched */
   struct epoll_event events[BATCH];
   tcs_metrics *metrics;              /* or NULL */
   double turn_began, turn_began_cpu; /* seconds; 0 = before the first turn */
@@ -74,14 +74,14 @@ void tcs_loop_wait(tcs_loop *loop, int timeout_ms) {
   if (loop->at >= loop->n_events) {
     loop->at = 0;
     loop->n_events = epoll_wait(loop->epoll_fd, loop->events, BATCH, timeout_ms);
-    if (loop->n_events < 0) loop->n_events = 0; /* EINTR: the caller comes round again */
+    if (loop->n_events < 0) loop->n_events = 0; /* EINTR: the caller loops anyway */
   }
   begin_turn(loop);
   while (loop->at < loop->n_events) {
     const struct epoll_event event = loop->events[loop->at++];
     tcs_source *source = event.data.ptr;
     if (source) source->ready(source, event.events);
-    /* What else is ready keeps its place: those that come first here shall not come first for ever. */
+    /* The remaining events keep their order for the next turn, so that early sources cannot starve later ones. */
     if (seconds_of(CLOCK_MONOTONIC) - loop->turn_began > TCS_TURN_US / 1e6) return;
   }
 }

@@ -1,6 +1,6 @@
-/* The I/O thread's event loop: epoll, a completion queue, signals and time.
+/* The event loop of the I/O thread: epoll over sockets, completions and signals, with a timeout.
  *
- * Everything registered is a tcs_source, embedded in what it belongs to. */
+ * Every registered descriptor is a tcs_source, embedded in its owner. */
 #ifndef TCS_LOOP_LOOP_H
 #define TCS_LOOP_LOOP_H
 
@@ -25,15 +25,15 @@ void tcs_loop_change(tcs_loop *loop, tcs_source *source, uint32_t events);
 /* The source gets no further call, not even for events already fetched. */
 void tcs_loop_remove(tcs_loop *loop, tcs_source *source);
 
-/* Waits until something is ready or `timeout_ms` (-1 = for ever) has passed and calls what is ready: for TCS_TURN_US at
- * most; what is left over is called by the next call, which then does not wait. From one wait to the next is a turn. */
+/* Waits until a source is ready or `timeout_ms` (-1 = no limit) has passed, then calls ready sources for at most
+ * TCS_TURN_US. The next call continues with the rest without waiting. A turn lasts from one wait to the next. */
 void tcs_loop_wait(tcs_loop *loop, int timeout_ms);
 #define TCS_TURN_US 2000
 
 /* Processor time of the calling thread, microseconds. */
 int64_t tcs_thread_cpu_us(void);
 
-/* Where the lengths of turns go; NULL (as it is at first): nowhere. */
+/* Where to record the lengths of turns; NULL (the default): nowhere. */
 void tcs_loop_set_metrics(tcs_loop *loop, tcs_metrics *metrics);
 
 #endif

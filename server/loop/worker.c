@@ -16,8 +16,8 @@ struct tcs_worker {
   char name[16];
   tcs_priority priority;
   GQueue running;
-  int most_of_client; /* that run at once */
-  uint32_t turn;      /* of the task that was taken last */
+  int most_of_client; /* concurrent tasks of one client */
+  uint32_t turn;      /* turn of the last task taken */
   int n_threads;
   pthread_t threads[];
 };
@@ -48,7 +48,7 @@ static void post(tcs_completions *completions, tcs_task *task) {
   push(&completions->tasks, task);
   pthread_mutex_unlock(&completions->mutex);
   const uint64_t one = 1;
-  /* Cannot block: the counter would need 2^64 - 2 posts that nobody read. */
+  /* Cannot block: the counter overflows only after 2^64 - 2 unread posts. */
   while (write(completions->event_fd, &one, sizeof one) < 0 && errno == EINTR) {
   }
 }
@@ -75,7 +75,7 @@ static const tcs_task *last_of(const tcs_worker *worker, uint32_t client) {
   return last;
 }
 
-/* In line with those of other clients: behind as many of each as it has of its own. */
+/* Round-robin order: a client's n-th waiting task queues behind the n-th of every other client. */
 static void insert(tcs_worker *worker, tcs_task *task) {
   const tcs_task *last = last_of(worker, task->client);
   GList *at = worker->queue.head;
@@ -92,7 +92,7 @@ static bool may_run(const tcs_worker *worker, const tcs_task *task) {
   return own < worker->most_of_client || worker->stopping;
 }
 
-/* The first that may run; NULL: there is none. */
+/* The first task that may run; NULL: none. */
 static tcs_task *take(tcs_worker *worker) {
   GList *link = worker->queue.head;
   while (link && !may_run(worker, link->data)) link = link->next;
@@ -104,8 +104,8 @@ static tcs_task *take(tcs_worker *worker) {
   return task;
 }
 
-/* The lock is not held while the I/O thread is told: it wakes at once, in this thread's place, and may want the lock,
- * which a thread of low priority would keep until its turn comes among all that wait for a processor. */
+/* Posts without the lock: the I/O thread wakes at once and may preempt this thread, and would wait for a lock held by a
+ * preempted thread of low priority. */
 static void run(tcs_worker *worker, tcs_task *task) {
   task->run(task);
   pthread_mutex_lock(&worker->mutex);
@@ -117,7 +117,7 @@ static void run(tcs_worker *worker, tcs_task *task) {
 static void *worker_main(void *user) {
   tcs_worker *worker = user;
   pthread_setname_np(pthread_self(), worker->name);
-  /* On Linux a thread has its own nice value, which threads that it starts inherit. Nothing is lost if refused. */
+  /* On Linux the nice value is per thread, inherited by the threads it starts. Harmless if refused. */
   if (nice(worker->priority) < 0) errno = 0;
   pthread_mutex_lock(&worker->mutex);
   for (;;) {

@@ -13,23 +13,23 @@
 #include "renderer/base/error.h"
 
 #define LINE 1024
-#define PIECE 16384 /* bytes the thread takes out of the ring at a time */
+#define PIECE 16384 /* most bytes the thread takes out of the ring at a time */
 
 static const char *const level_names[TCS_LOG_LEVEL_COUNT] = {"debug", "info", "warn", "error"};
 static tcs_log_level threshold = TCS_LOG_INFO;
 
-/* Where lines go, and those on their way. All of it under `mutex`, but for fd and path: they are the writer's, and set
- * before it starts. */
+/* One output with its ring. `mutex` protects everything but fd and path, which are set before the writer thread starts
+ * and belong to it from then on. */
 typedef struct sink {
   const char *option, *thread_name;
-  mode_t mode; /* of its file */
+  mode_t mode; /* file permissions */
   pthread_mutex_t mutex;
   pthread_cond_t filled, written;
   char ring[TCS_LOG_RING];
-  size_t first, used;           /* of the ring: lines end to end */
-  uint64_t put, out;            /* bytes ever put into the ring; of them, ever written or given up */
-  uint64_t dropped, told;       /* lines dropped; of them, those the log has told of */
-  bool running, ending, reopen; /* running: there is a thread that empties the ring */
+  size_t first, used;           /* of the ring: offset of the first byte, bytes in use */
+  uint64_t put, out;            /* bytes ever put into the ring; bytes ever taken out and written or lost */
+  uint64_t dropped, told;       /* lines dropped; dropped lines reported so far */
+  bool running, ending, reopen; /* running: a thread empties the ring */
   pthread_t thread;
   int fd;
   char *path; /* NULL: stderr */
@@ -40,7 +40,7 @@ typedef struct sink {
 
 static sink everything = SINK("--log", "tc-log", 0640, STDERR_FILENO);
 static sink audit = SINK("--audit-file", "tc-audit", 0600, -1);
-static bool audited; /* the second is open */
+static bool audited; /* the audit sink is open */
 
 void tcs_log_set_level(tcs_log_level level) { threshold = level; }
 
@@ -95,12 +95,12 @@ static size_t format_own(char line[LINE], tcs_log_level level, const char *event
   return size;
 }
 
-/* May wait for ever: stderr is shared with other processes, so it cannot be told not to. */
+/* May block for ever: stderr is shared with other processes, so O_NONBLOCK is not ours to set. */
 static bool write_all(const sink *to, const char *bytes, size_t size) {
   while (size > 0) {
     const ssize_t wrote = write(to->fd, bytes, size);
     if (wrote < 0 && errno == EINTR) continue;
-    if (wrote < 0 && errno == EAGAIN) { /* another process told the pipe not to wait */
+    if (wrote < 0 && errno == EAGAIN) { /* another process set O_NONBLOCK */
       struct pollfd room = {.fd = to->fd, .events = POLLOUT};
       if (poll(&room, 1, -1) > 0 && !(room.revents & POLLERR)) continue;
     }
@@ -130,9 +130,10 @@ static void emit(sink *to, const char *line, size_t size) {
   const bool running = to->running;
   if (running) put(to, line, size);
   pthread_mutex_unlock(&to->mutex);
-  /* Without the lock: the writer preempts a thread of low priority, which must not keep the lock meanwhile. */
+  /* Signals after unlocking: the writer may preempt this thread at once, and a preempted thread of low priority would
+   * hold the lock for long. */
   if (running) pthread_cond_signal(&to->filled);
-  if (!running) (void)write_all(to, line, size); /* nowhere left to say that it failed */
+  if (!running) (void)write_all(to, line, size); /* no way left to report a failure */
 }
 
 void tcs_log(tcs_log_level level, const char *event, const char *format, ...) {
@@ -155,7 +156,8 @@ static uint64_t lines_in(const char *bytes, size_t size) {
   return lines;
 }
 
-/* Whole lines, or one line's piece where the ring wraps. */
+/* Takes up to PIECE bytes out of the ring, at most to its wrap; returns their number. The piece may end within a line.
+ *  */
 static size_t take(sink *from, char *piece) {
   size_t size = MIN(MIN(from->used, (size_t)PIECE), TCS_LOG_RING - from->first);
   memcpy(piece, from->ring + from->first, size);
@@ -182,7 +184,7 @@ static void reopen(sink *to) {
   (void)write_all(to, line, size);
 }
 
-/* Called and left with the mutex held. */
+/* Caller holds the mutex, which is released during the write. */
 static void write_some(sink *to) {
   char piece[PIECE], line[LINE];
   const size_t size = take(to, piece);
@@ -192,7 +194,7 @@ static void write_some(sink *to) {
   pthread_mutex_unlock(&to->mutex);
   if (anew) reopen(to);
   bool good = write_all(to, piece, size);
-  /* What was dropped came after what was in the ring by then, or nearly; a line may be cut at the end of a piece. */
+  /* The lost lines belong about here, after those that filled the ring. The notice must not split a line. */
   const bool tell = good && missing && size > 0 && piece[size - 1] == '\n';
   if (tell)
     good = write_all(to, line,
@@ -248,7 +250,7 @@ static void sink_start(sink *to) {
   to->running = pthread_create(&to->thread, NULL, log_main, to) == 0;
 }
 
-/* With the mutex held. */
+/* Caller holds the mutex. */
 static bool wait_written(sink *to, int most_ms) {
   struct timespec until;
   const uint64_t all = to->put;
@@ -271,7 +273,7 @@ static bool sink_flush(sink *to, int most_ms) {
 static void sink_stop(sink *to, int most_ms) {
   pthread_mutex_lock(&to->mutex);
   const bool running = to->running, written = wait_written(to, most_ms);
-  to->running = running && !written; /* what comes now is written at once, or not at all where the pipe is full */
+  to->running = running && !written; /* later lines go directly to the file, or with a stuck writer to the ring */
   to->ending = true;
   pthread_cond_signal(&to->filled);
   pthread_mutex_unlock(&to->mutex);
@@ -282,7 +284,7 @@ static void sink_stop(sink *to, int most_ms) {
     pthread_detach(to->thread);
 }
 
-/* --- both ------------------------------------------------------------------------------------------- */
+/* --- both sinks ------------------------------------------------------------------------------------- */
 
 bool tcs_log_open(const char *path, GError **error) { return sink_open(&everything, path, error); }
 

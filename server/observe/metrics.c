@@ -106,7 +106,7 @@ static void requests(GString *out, const tcs_metrics *metrics) {
                            *(const uint64_t *)value);
 }
 
-/* The loop, and the log beside it. */
+/* Metrics of the event loop and of the log. */
 static void loop_and_log(GString *out, tcs_metrics *m) {
   histogram_of(out, "loop_lag_seconds", "Turns of the I/O thread: from its wake-up to its return to waiting.", &m->lag,
                lag_bounds);

@@ -9,7 +9,7 @@ struct tcs_client {
   void *user;
 };
 
-/* What the account waits for: the first in line, and what would be made. */
+/* Tells the account which classes have work: that of the first job in the queue, and that of the job to be made. */
 static void tell(const tcs_client *client) {
   const tcs_job *first = g_queue_peek_head((GQueue *)&client->jobs);
   for (int i = 0; i < TCS_CLASS_COUNT; i++)
@@ -66,7 +66,7 @@ tcs_job *tcs_client_take(tcs_client *client, tcs_class class) {
     tcs_client_remove(client, job);
   } else if (client->want == class) {
     job = client->next(client->user, class);
-    if (client->want == class) client->want = TCS_CLASS_NONE; /* whatever it said: it is not asked twice */
+    if (client->want == class) client->want = TCS_CLASS_NONE; /* reset unless the callback did: ask once per turn */
     if (job) job->client = client;
     tell(client);
   }

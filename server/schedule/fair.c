@@ -4,21 +4,21 @@
 #include <stdint.h>
 
 #define QUANTUM_MS 4.0
-#define SHARE 0.1           /* of the time of the classes before it that a waiting class earns */
-#define MOST_EARNED_MS 20.0 /* a class that waited long is not served for longer at once */
-#define GRACE 0.05          /* of a client's time that is let off where slices come late */
+#define SHARE 0.1           /* of the time spent on higher classes, earned by a waiting class */
+#define MOST_EARNED_MS 20.0 /* cap, so that a class that waited long gets no long uninterrupted turn */
+#define GRACE 0.05          /* of a client's used time, not charged for late slices */
 #define MOST_GRACE_MS 50.0
 
-/* Of a peer among peers, or of a client among its peer's. */
+/* Account of a peer among all peers, or of a client among its peer's clients. */
 typedef struct account {
-  double deficit_ms; /* may begin from 0 on */
-  uint64_t seen;     /* rounds of its ring that are in deficit_ms */
-  uint64_t since;    /* order of waiting: the smaller, the longer */
+  double deficit_ms; /* may start a slice from 0 on */
+  uint64_t seen;     /* rounds of its ring already credited */
+  uint64_t since;    /* order of waiting: the smallest waited longest */
   int waiting[TCS_CLASS_COUNT];
 } account;
 
 typedef struct ring {
-  GPtrArray *members; /* their first member is an account */
+  GPtrArray *members; /* pointers to structs that begin with an account */
   uint64_t rounds;
 } ring;
 
@@ -56,7 +56,7 @@ static bool waits(const account *a) {
   return false;
 }
 
-/* Takes in the rounds that went by. What is left of the last one is kept, and nothing is saved up beyond. */
+/* Credits the rounds since the last call. Credit is capped at one quantum. */
 static void settle(const ring *r, account *a) {
   a->deficit_ms = fmin(QUANTUM_MS, a->deficit_ms + QUANTUM_MS * (double)(r->rounds - a->seen));
   a->seen = r->rounds;
@@ -64,7 +64,7 @@ static void settle(const ring *r, account *a) {
 
 static double rounds_owed(const account *a) { return ceil(fmax(0, -a->deficit_ms) / QUANTUM_MS); }
 
-/* One that is new is taken for one just served: to come and go again and again is no way to the front. */
+/* A new account starts with the debt of one slice, so that leaving and rejoining is no way to the front. */
 static void enter(ring *r, account *a) {
   a->deficit_ms = -TCS_FAIR_SLICE_MS;
   a->seen = r->rounds;
@@ -77,7 +77,7 @@ static bool before(const account *a, const account *b) {
   return owed < other || (owed == other && a->since < b->since);
 }
 
-/* As many rounds as the one that is picked still owed. */
+/* Advances the ring until the picked account has no debt. */
 static void turn(ring *r, account *a, uint64_t now) {
   r->rounds += (uint64_t)rounds_owed(a);
   settle(r, a);
@@ -90,7 +90,7 @@ static void set_waiting(tcs_fair *fair, const ring *r, account *a, tcs_class cla
   a->waiting[class] += change;
 }
 
-/* ---- who there is ---- */
+/* ---- peers and clients ---- */
 
 tcs_fair *tcs_fair_new(void) {
   tcs_fair *fair = g_new0(tcs_fair, 1);
@@ -107,7 +107,7 @@ static void free_peer(peer *p) {
   g_free(p);
 }
 
-/* A peer without clients is kept while it owes: to end a session and open another pays no debt. */
+/* A peer without clients is kept while it has debt, so that ending a session and opening another does not clear it. */
 static void forget_even_peers(tcs_fair *fair) {
   for (guint i = fair->peers.members->len; i-- > 0;) {
     peer *p = g_ptr_array_index(fair->peers.members, i);

@@ -6,12 +6,12 @@ static const tcs_rung rungs[] = {{1.0, 1},   {0.75, 1},  {0.5, 1},   {0.35, 1}, 
                                  {0.177, 4}, {0.125, 4}, {0.088, 8}, {0.0625, 8}, {0.044, 16}, {0.031, 16}};
 #define N_RUNGS ((int)(sizeof rungs / sizeof rungs[0]))
 
-/* A step up must leave this much of the target unused, or the next noisy frame steps down again. */
+/* A step up must leave this margin, or the next noisy frame would step down again. */
 #define UP_MARGIN 0.8
-/* Weight of a new measurement: a frame that is slower than thought counts at once in full, because a late frame hurts
- * at once; a faster one is believed gradually. */
+/* Weight of a new measurement. A slower frame counts in full at once, since late frames are visible; a faster one
+ * counts gradually. */
 #define FASTER_WEIGHT 0.3
-/* What an encoder takes in about the target time. */
+/* Pixels that the encoder can take within about the target time. */
 #define MOST_PIXELS 4e6
 #define COARSEST_STEP 8.0
 

@@ -1,9 +1,9 @@
 #include "server/schedule/room.h"
 
-/* A pixel of a picture while it is encoded: what noise takes as PNG. */
+/* Bytes per pixel for encoding: those of noise as PNG. */
 #define ENCODING_BYTES 4
 
-/* What a picture will have taken once it is encoded. */
+/* Peak memory of the job until it is encoded. */
 static uint64_t frame_need(const tcs_job *job) {
   const int width = job->width ? job->width : job->scene.image.width;
   const int height = job->height ? job->height : job->scene.image.height;

@@ -14,50 +14,50 @@
 
 G_STATIC_ASSERT(TCS_METRICS_CLASSES == TCS_CLASS_COUNT);
 
-/* Pictures of a lane being encoded or waiting for it. One more than its encoder works on, so that it never waits for the
- * renderer; more would only age. */
+/* Pictures of a lane in encoding or queued for it: one more than the encoder works on, so that it never waits for the
+ * renderer; further ones would only age. */
 #define MAX_ENCODING 2
-/* Interactive frames are looked at this often even when nobody waits: one whose time was misjudged is begun smaller. */
+/* Interactive frames pause this often even if nobody waits, so that a badly misjudged frame can restart smaller. */
 #define CHECK_US 100000
-/* Clients that drag at once are taken to go on for so long. */
+/* How long after the last contention between interactive clients their frames are kept to one slice. */
 #define CONTENDED_US 500000
-/* Of a slice, so that a frame that takes somewhat longer than thought is still made in one. */
+/* Share of a slice for an interactive frame, so that one that takes a little longer still fits. */
 #define SLICE_SHARE 0.75
-/* Times what a picture was thought to take, as measured pictures scatter: what is above is late. */
+/* A picture is late above this multiple of its expected time; below, it is within the scatter of measurements. */
 #define LATE 1.5
-/* After slices that brought nothing the next ones are twice as long, up to 2^this. */
+/* Each successive slice without progress doubles the next one, up to 2^this. */
 #define MOST_STALLS 5
-/* Pictures under way keep their frames; beyond this no other is begun, but for interactive frames. */
+/* Unfinished pictures keep their frames; above this total only interactive frames may begin. */
 #define MOST_HELD_BYTES ((size_t)256 << 20)
-/* Before any picture was made: what the cpu back end takes of volumes of which about half shows. */
+/* First guess for the cpu back end, for volumes of which about half is visible. */
 #define THREAD_MS_PER_SAMPLE 2e-6
-/* Times that others give memory back for one picture: of most it is known at once what they need. */
+/* Attempts to free memory for one picture; most know their need at the first one. */
 #define MOST_ASKED 4
 #define MOST_SPARE_PIXELS ((size_t)4 << 20)
 
-/* Interactive frames have an encoder of their own: behind a large PNG they would come late. */
+/* Interactive frames have their own encoder, so that they do not queue behind a large PNG. */
 typedef enum lane { LANE_MOVING, LANE_STILL, LANE_COUNT } lane;
 
 struct tcs_scheduler {
   tcs_server *server;
-  tc_renderer *renderer; /* touched by the render thread only */
+  tc_renderer *renderer; /* render thread only */
   const tc_renderer_info *about;
-  tcs_encoder *encoders[LANE_COUNT]; /* each touched by its lane's thread only */
+  tcs_encoder *encoders[LANE_COUNT]; /* each on its lane's thread only */
   int encoding[LANE_COUNT];
   tcs_fair *fair;
-  GHashTable *peers; /* name -> tcs_client of its single pictures */
-  int waiting, n_singles; /* in line; of those: single ones */
-  size_t held_bytes;      /* frames of pictures that are begun and wait */
+  GHashTable *peers;      /* name -> tcs_client of the peer's single pictures */
+  int waiting, n_singles; /* queued jobs; single pictures among them */
+  size_t held_bytes;      /* frames of unfinished, queued jobs */
   tcs_job *rendering;     /* on the render thread, or NULL */
   bool pumping;
-  int64_t contended_us; /* when a client last waited beside another one's interactive frame; 0 = never */
-  GQueue frames; /* tc_frame * with buffers to use again */
+  int64_t contended_us; /* when a client last waited during another client's interactive frame; 0 = never */
+  GQueue frames;        /* tc_frame * with buffers to reuse */
   tc_quality_cost cost;
-  tcs_ledger caches; /* of the renderer's tables, coefficients and structures */
-  double ms_per_sample; /* of pictures lately, rather too slow than too quick; 0 = none yet */
+  tcs_ledger caches;    /* of the renderer's tables, coefficients and acceleration structures */
+  double ms_per_sample; /* recent average, biased towards slow; 0 = none yet */
 };
 
-/* A task that the starting thread waits for: only at start and end, when there is no loop yet or any more. */
+/* A task the calling thread waits for: at startup and shutdown only, when no loop runs. */
 typedef struct owner_task {
   tcs_task task;
   tcs_scheduler *scheduler;
@@ -157,7 +157,7 @@ static void finish(tcs_job *job) {
   tcs_job_free(job);
 }
 
-/* Frame buffers go round: render thread -> encode thread -> here -> render thread. */
+/* Frame buffers circulate: render thread -> encode thread -> here -> render thread. */
 static void lend_frame(tcs_scheduler *scheduler, tcs_job *job) {
   tc_frame *spare = g_queue_pop_head(&scheduler->frames);
   if (!spare) return;
@@ -173,7 +173,7 @@ static void return_frame(tcs_scheduler *scheduler, tcs_job *job) {
   const bool fits = job->frame.rgba && job->frame.capacity <= MOST_SPARE_PIXELS && !job->frame.linear;
   if (!fits || g_queue_get_length(&scheduler->frames) > MAX_ENCODING) return;
   g_queue_push_head(&scheduler->frames, g_memdup2(&job->frame, sizeof job->frame));
-  job->memory -= MIN(job->memory, tc_frame_bytes(&job->frame)); /* it goes with the frame */
+  job->memory -= MIN(job->memory, tc_frame_bytes(&job->frame)); /* moves with the frame */
   memset(&job->frame, 0, sizeof job->frame);
 }
 
@@ -187,7 +187,7 @@ static void set_cancelled(tcs_job *job) {
   tc_set_error(&job->error, TC_ERROR_CANCELLED, NULL, "cancelled");
 }
 
-/* The array's room is a power of two: what is kept is as long as the picture. */
+/* Shrinks the array, whose capacity is a power of two, to the size of the picture. */
 static GBytes *take_picture(tcs_budget *budget, GByteArray *array) {
   const size_t size = array->len;
   return tcs_budget_bytes(budget, TCS_MEMORY_PICTURES, g_realloc(g_byte_array_free(array, FALSE), size), size);
@@ -219,7 +219,7 @@ static void done_encode(tcs_task *task) {
   tcs_scheduler_pump(scheduler);
 }
 
-/* "Cancelled" would be true and no help. */
+/* Replaces "cancelled" by the reason. */
 static void name_deadline(tcs_job *job) {
   g_clear_error(&job->error);
   tc_set_error(&job->error, TC_ERROR_LIMIT, NULL,
@@ -233,8 +233,8 @@ static void end_unfinished(tcs_scheduler *scheduler, tcs_job *job) {
   finish(job);
 }
 
-/* A slower picture than thought counts at once in half, a quicker one gradually: what is begun small grows, what is
- * begun too large comes late. */
+/* Running average: slower pictures count with weight 0.5, faster ones with 0.1, since a picture started too large is
+ * late, but one started small grows later. */
 static void learn_speed(tcs_scheduler *scheduler, const tcs_job *job) {
   if (!(job->samples > 0) || job->stats.stand_in) return;
   const double now = job->stats.render_ms / job->samples, old = scheduler->ms_per_sample;
@@ -259,7 +259,7 @@ static void begin_encoding(tcs_scheduler *scheduler, tcs_job *job) {
   tcs_worker_submit(lane_of(job) == LANE_MOVING ? job->server->encode_worker : job->server->still_worker, &job->task);
 }
 
-/* ---- the line ---- */
+/* ---- the queue ---- */
 
 static size_t held(const tcs_job *job) {
   return job->frame.capacity * 4 + job->frame.linear_capacity * sizeof(float) * 4;
@@ -274,7 +274,7 @@ static void count_in_line(tcs_scheduler *scheduler, const tcs_job *job, int chan
     scheduler->held_bytes -= held(job);
 }
 
-/* Nobody waits for one in line any more: it is dropped there and then. */
+/* Cancels a queued job immediately. */
 static void drop(tcs_scheduler *scheduler, tcs_job *job) {
   count_in_line(scheduler, job, -1);
   tcs_client_remove(job->client, job);
@@ -307,7 +307,7 @@ static tcs_client *singles_of(tcs_scheduler *scheduler, const char *peer) {
 bool tcs_scheduler_submit(tcs_scheduler *scheduler, tcs_job *job, GError **error) {
   const int64_t most = scheduler->server->config->limits.queue;
   tcs_client *client = singles_of(scheduler, job->peer ? job->peer : "");
-  /* A line that is full of others' pictures still takes a peer's first one, within reason. */
+  /* If other peers fill the queue, a peer's first picture is still accepted, up to twice the limit. */
   if (scheduler->n_singles >= (tcs_client_length(client) ? most : 2 * most)) {
     tc_set_error(error, TC_ERROR_BUSY, NULL, "too many pictures are waiting; try again in a moment");
     return false;
@@ -347,7 +347,7 @@ static void run_slice(tcs_task *task) {
   job->out_height = job->frame.height;
   if (!job->meter_pixels) return;
   job->meter = tc_meter_new(&job->frame, job->meter_pixels, job->revision);
-  /* Five times the picture's bytes: not kept for frames that do not ask. */
+  /* Five times the bytes of the picture, so only metered frames keep them. */
   g_clear_pointer(&job->frame.linear, free);
   g_clear_pointer(&job->frame.depth, free);
   job->frame.linear_capacity = job->frame.depth_capacity = 0;
@@ -359,7 +359,7 @@ static void counted_slice(tcs_job *job) {
   tcs_ledger_init(&job->drawing, job->server->budget, TCS_MEMORY_FRAMES);
   tcs_ledger_begin(caches);
   run_slice(&job->task);
-  tcs_ledger_end(&job->drawing); /* what the frame keeps of it is counted with the frame */
+  tcs_ledger_end(&job->drawing); /* the part that the frame keeps is counted with the frame */
   const int64_t layers = atomic_load(&job->drawing.refused);
   tcs_job_refused(job, caches, atomic_load(&caches->refused));
   tcs_job_refused(job, &job->drawing, layers ? layers + atomic_load(&job->drawing.held_then) : 0);
@@ -373,7 +373,7 @@ static void timed_slice(tcs_task *task) {
   job->slice_ms = (double)(g_get_monotonic_time() - began) / 1000;
 }
 
-/* Until when the slice under way may go on, by what waits beside it. The renderer looks at the clock by itself. */
+/* Sets the time at which the running slice pauses, from the jobs waiting. The renderer polls this time. */
 static void set_pause(tcs_scheduler *scheduler, tcs_job *job) {
   const int64_t slice_us = (int64_t)(1000 * tcs_class_slice_ms(job->class)) << MIN(job->stalls, MOST_STALLS);
   const tcs_pressure pressure = job->client ? tcs_client_pressure(job->client, job->class) : TCS_PRESSURE_SLICE;
@@ -394,8 +394,8 @@ static void put_back(tcs_scheduler *scheduler, tcs_job *job) {
   count_in_line(scheduler, job, 1);
 }
 
-/* One that found no memory is tried again after others gave some back, which the render thread does before: more each
- * time, since what was dropped may be what the picture itself needs. */
+/* Whether to retry a job that was refused memory, after others free some (on the render thread, before the retry). Asks
+ * for twice as much each time, since an evicted resource may be one that this picture needs. */
 static bool try_again(tcs_scheduler *scheduler, tcs_job *job) {
   const uint64_t wanted = job->memory_wanted;
   job->memory_wanted = 0;
@@ -404,7 +404,7 @@ static bool try_again(tcs_scheduler *scheduler, tcs_job *job) {
   return tcs_budget_ask(scheduler->server->budget, wanted << job->asked++, job->volume);
 }
 
-/* Of the slice that is over. */
+/* Milliseconds of the last slice beyond the expected time. */
 static double late_ms(const tcs_job *job) {
   return job->thought_ms > 0 ? CLAMP(job->used_ms - LATE * job->thought_ms, 0, job->slice_ms) : 0;
 }
@@ -443,7 +443,7 @@ static void done_slice(tcs_task *task) {
   tcs_scheduler_pump(scheduler);
 }
 
-/* One that is begun goes on; others wait while the encoder is behind or frames under way take too much memory. */
+/* Begun jobs always continue; new ones wait while the encoder is behind or unfinished frames hold too much memory. */
 static bool may_begin(void *client, tcs_class class, void *user) {
   const tcs_scheduler *scheduler = user;
   const tcs_job *first = tcs_client_first(client, class);
@@ -485,7 +485,7 @@ static void begin_slice(tcs_scheduler *scheduler, tcs_job *job) {
 }
 
 void tcs_scheduler_pump(tcs_scheduler *scheduler) {
-  if (scheduler->pumping) return; /* from what a client is asked */
+  if (scheduler->pumping) return; /* re-entered from tcs_client_next */
   if (scheduler->rendering) {
     set_pause(scheduler, scheduler->rendering);
     return;
@@ -496,12 +496,12 @@ void tcs_scheduler_pump(tcs_scheduler *scheduler) {
   scheduler->pumping = false;
 }
 
-/* Less is kept between frames: nothing of a volume or a mesh that goes, or no more than so many bytes. */
+/* Reduces the renderer's resources: those of a removed volume or mesh, or the least recently used. */
 typedef struct trim {
   tcs_task task;
   tcs_scheduler *scheduler;
-  tc_volume *volume;    /* or NULL: */
-  uint64_t mesh_serial; /* or 0: */
+  tc_volume *volume;    /* or NULL */
+  uint64_t mesh_serial; /* or 0 */
   uint64_t most_bytes;
 } trim;
 
@@ -514,7 +514,7 @@ static void run_trim(tcs_task *task) {
     tc_renderer_forget_mesh(renderer, t->mesh_serial);
   else
     tc_renderer_trim_cache(renderer, t->most_bytes);
-  tc_volume_unref(t->volume); /* here: the next picture may need its memory */
+  tc_volume_unref(t->volume); /* on this thread: the next picture may need the memory */
 }
 
 static void done_trim(tcs_task *task) { g_free(task); }

@@ -19,14 +19,14 @@ static void changed(tcs_session *session) {
   tcs_quality_changed(session->server->quality, session);
   session->used_us = now_us;
   session->active_until_us = now_us + TCS_REST_US;
-  /* The scene's size may be another one: viewers with a size of their own keep theirs. */
+  /* The scene's size may have changed. Viewers with a size of their own keep theirs. */
   for (guint i = 0; i < session->watchers->len; i++) tcs_watcher_seat(g_ptr_array_index(session->watchers, i));
-  /* A refinement of the old scene would hold up the first frame of the new one. */
+  /* A refinement of the old scene would delay the first frame of the new one. */
   if (session->job && session->job->final) tcs_job_cancel(session->job);
   tcs_session_wake(session);
 }
 
-/* A patch onto *scene, which is valid; on failure it stays. from: what the patch is laid on. */
+/* Applies a patch to `from` and stores the result in *scene (a valid scene), which is unchanged on failure. */
 static bool lay_on(tcs_session *session, tc_scene *scene, const tc_scene *from, const cJSON *patch,
                    const tcp_lists *lists, GError **error) {
   tc_volume *labels;
@@ -55,7 +55,7 @@ bool tcs_session_draft(tcs_watcher *watcher, uint64_t seq, const cJSON *patch, G
   return true;
 }
 
-/* Who alone made the change knows the scene; the others are told with their next picture that it is another one. */
+/* A change by a single author is new to the others only; they learn of it from the header of their next picture. */
 static void count_for_others(tcs_session *session) {
   guint authors = 0;
   for (guint i = 0; i < session->watchers->len; i++)

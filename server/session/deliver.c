@@ -2,10 +2,10 @@
 
 #include "server/observe/metrics.h"
 
-#define LONG_BUILDING_US 300000 /* nobody is told of less */
+#define LONG_BUILDING_US 300000 /* shorter builds are not reported */
 
-/* Sends the newest picture to a viewer that can take it and has not seen it. A picture of an older scene is sent too:
- * while input flows every picture is one behind, and each is newer than the last. */
+/* Sends the newest picture to a viewer that can take it and has not seen it, even if the scene has changed since: while
+ * input arrives every picture is one change behind, but newer than the last. */
 void tcs_session_deliver_to(tcs_session *session, tcs_watcher *watcher, int64_t now_us) {
   const tcs_picture *picture = watcher->view->latest;
   if (!picture ||
@@ -26,12 +26,12 @@ void tcs_session_deliver_to(tcs_session *session, tcs_watcher *watcher, int64_t 
 
 void tcs_session_deliver(tcs_session *session) {
   const int64_t now_us = g_get_monotonic_time();
-  /* Downwards: a viewer whose socket breaks here leaves the list. */
+  /* Backwards: a viewer whose socket fails here removes itself from the list. */
   for (guint i = session->watchers->len; i-- > 0;)
     tcs_session_deliver_to(session, g_ptr_array_index(session->watchers, i), now_us);
 }
 
-/* No other picture of its revision is waited for. */
+/* The viewer waits for no other picture of this revision. */
 static void settle(tcs_watcher *watcher, uint64_t revision) {
   if (watcher->shown_revision > revision) return;
   watcher->shown_revision = revision;
@@ -60,7 +60,7 @@ void tcs_session_report(tcs_session *session) {
   cJSON_AddStringToObject(json, "type", "building");
   tcs_building_write(&building, json);
   char *text = cJSON_PrintUnformatted(json);
-  /* Downwards: a viewer whose socket breaks here leaves the list. */
+  /* Backwards: a viewer whose socket fails here removes itself from the list. */
   for (guint i = session->watchers->len; i-- > 0;) {
     tcs_watcher *watcher = g_ptr_array_index(session->watchers, i);
     if (session->job && watcher->view == session->job->part && watcher->ops->ready(watcher))
@@ -82,7 +82,7 @@ void tcs_session_give_up(tcs_session *session) {
 
 void tcs_session_fail(tcs_session *session, const tcs_job *job) {
   cJSON *problem = tcp_problem(job->error);
-  /* Downwards: a viewer whose socket breaks here leaves the list. */
+  /* Backwards: a viewer whose socket fails here removes itself from the list. */
   for (guint i = session->watchers->len; i-- > 0;) {
     tcs_watcher *watcher = g_ptr_array_index(session->watchers, i);
     if (watcher->view != job->part) continue;
@@ -94,7 +94,7 @@ void tcs_session_fail(tcs_session *session, const tcs_job *job) {
     watcher->ops->text(watcher, text);
     cJSON_free(text);
     cJSON_Delete(message);
-    settle(watcher, job->revision); /* trying again would fail again */
+    settle(watcher, job->revision); /* a retry would fail again */
   }
   cJSON_Delete(problem);
 }
@@ -113,7 +113,7 @@ void tcs_session_refine(tcs_session *session) {
   for (guint i = 0; i < session->views->len; i++) {
     tcs_view *view = g_ptr_array_index(session->views, i);
     view->begun_final = false;
-    if (view->latest) view->latest->final = false; /* its header said so; it is not sent again */
+    if (view->latest) view->latest->final = false; /* its header said final, but is not sent again */
   }
   for (guint i = 0; i < session->watchers->len; i++)
     ((tcs_watcher *)g_ptr_array_index(session->watchers, i))->shown_final = false;

@@ -10,27 +10,27 @@
 #include "server/session/samples.h"
 #include "server/session/session_scene.h"
 
-/* The longer side of an interactive frame, at least, unless its scene is smaller. */
+/* Least length of the longer side of an interactive frame, unless the scene is smaller. */
 #define LEAST_SIDE 48.0
-/* Of the newest frame in session->build_ms. */
+/* Weight of the newest frame in session->build_ms. */
 #define BUILD_WEIGHT 0.5
-/* Of an interactive frame's time, left for drawing whatever building takes. */
+/* Least share of an interactive frame's time that is left for drawing, however long building takes. */
 #define LEAST_DRAWING 0.4
-/* An interactive frame that would take so much longer still is misjudged. */
+/* An interactive frame that has taken this long, and will take as long again, is misjudged. */
 #define LATE_MS (2 * TCS_LADDER_TARGET_MS)
 
 static bool is_lit_better_at_rest(const tc_scene *scene) {
   return scene->shading.model != TC_SHADING_NONE && scene->shading.gradient == TC_GRADIENT_CENTRAL;
 }
 
-/* A frame at rest tells little of one in motion, and the other way round, where every sample is lit. A surface is lit
- * once a pixel. */
+/* Whether frame times at rest and in motion predict each other badly: gradients differ, and every sample is lit. A
+ * surface is lit only once per pixel. */
 static bool differs_in_motion(const tc_scene *scene) {
   return scene->mode == TC_MODE_DVR && is_lit_better_at_rest(scene);
 }
 
-/* There are two encoders: a picture may come after a newer one, or after the final one of the same scene. It must not take
- * that one's place, for who joins then would never be shown a final picture. */
+/* With two encoders a picture may finish after a newer one, or after the final one of the same scene. It must not
+ * replace that one, or a viewer that joins later would never get a final picture. */
 static bool overtaken(const tcs_view *view, const tcs_job *job) {
   const tcs_picture *latest = view->latest;
   if (!latest) return false;
@@ -40,14 +40,14 @@ static bool overtaken(const tcs_view *view, const tcs_job *job) {
 
 static void finished(tcs_job *job) {
   tcs_session *session = job->user;
-  tcs_view *view = job->part; /* NULL: nobody has its size any more */
+  tcs_view *view = job->part; /* NULL: its size has no viewers any more */
   if (!session) return;
   g_ptr_array_remove(session->jobs, job);
   if (session->job == job) session->job = NULL;
   if (job->error) {
     const bool cancelled = g_error_matches(job->error, TC_ERROR, TC_ERROR_CANCELLED);
     if (cancelled) session->server->metrics->frames_cancelled++;
-    if (view) { /* what was begun did not come: the newest picture that did is the last one begun */
+    if (view) { /* the failed picture no longer counts as begun: back to the newest finished one */
       view->begun_revision = view->latest ? view->latest->revision : 0;
       view->begun_final = view->latest && view->latest->final;
     }
@@ -72,14 +72,14 @@ static void finished(tcs_job *job) {
   tcs_picture_unref(view->latest);
   view->latest = tcs_picture_new(job);
   g_clear_pointer(&session->still, tcs_picture_unref);
-  tcs_measure_cancel(view); /* of another picture */
+  tcs_measure_cancel(view); /* of the previous picture */
   if (job->meter && job->revision == session->revision) tcs_measure_begin(session, view, job, view->latest);
   tcs_session_deliver(session);
   tcs_session_wake(session);
   if (job->final) tcs_quality_pump(session->server->quality);
 }
 
-/* Interactive frames are lit by cell gradients, which cost a fraction of central ones. */
+/* In motion: lighting by cell gradients, at a fraction of the cost of central differences. */
 static void light_for_motion(tc_scene *scene) {
   if (is_lit_better_at_rest(scene)) scene->shading.gradient = TC_GRADIENT_CELL;
 }
@@ -90,14 +90,14 @@ static double samples_of(const tcs_job *job) {
   return tc_estimate_samples(job->volume, &job->scene, job->meshes, width, height, NULL);
 }
 
-/* For drawing: while the transfer function is dragged every frame builds its tables first. */
+/* Target time for drawing: while the transfer function is dragged, each frame first builds its tables. */
 static double target_ms(const tcs_session *session, const tcs_job *job) {
   const double most = tcs_scheduler_moving_ms(job->server->scheduler);
   const double frame_ms = job->quality.for_time ? MIN(job->quality.asked, most) : most;
   return MAX(frame_ms - session->build_ms, frame_ms * LEAST_DRAWING);
 }
 
-/* An interactive frame is smaller, coarser in its JPEG and, where that is not enough, in its samples; the view is the
+/* Interactive frames are smaller, have lower JPEG quality and, if that is not enough, fewer samples. The view is the
  * same. */
 static void make_interactive(tcs_session *session, tcs_view *view, tcs_job *job) {
   const int width = job->scene.image.width, height = job->scene.image.height;
@@ -116,7 +116,8 @@ static void make_interactive(tcs_session *session, tcs_view *view, tcs_job *job)
   job->scene.image.subsampling = TC_SUBSAMPLING_420;
 }
 
-/* One that was misjudged is given up for a smaller one: it would come late, and again and again. */
+/* Whether to continue a paused frame. A misjudged one is cancelled for a smaller one, since this frame and the next
+ * ones of its size would be late. */
 static bool goes_on(tcs_job *job) {
   tcs_session *session = job->user;
   tcs_view *view = job->part;
@@ -125,8 +126,8 @@ static bool goes_on(tcs_job *job) {
   if (job->final || job->stats.stand_in || ms < LATE_MS || ms / done - ms < LATE_MS) return true;
   tcs_ladder *ladder = &view->ladders[job->scene.mode];
   const int rung = ladder->rung;
-  tc_scene full = session->scene; /* borrowed: only read */
-  tc_mesh *const *meshes = job->revision == session->revision ? job->meshes : NULL; /* of the same list */
+  tc_scene full = session->scene; /* borrows the lists of the session's scene */
+  tc_mesh *const *meshes = job->revision == session->revision ? job->meshes : NULL; /* only if of the same surfaces */
   light_for_motion(&full);
   tcs_ladder_measure(ladder, job->samples * done, ms);
   tcs_ladder_pick(ladder, tc_estimate_samples(job->volume, &full, meshes, view->width ? view->width : full.image.width,
@@ -135,7 +136,7 @@ static bool goes_on(tcs_job *job) {
   return ladder->rung <= rung;
 }
 
-/* The job leaves session->job when its rendering is over: the next one may render while this one is encoded. */
+/* After rendering the job leaves session->job, so that the next job can render while this one is encoded. */
 static void rendered(tcs_job *job) {
   tcs_session *session = job->user;
   if (!session || session->job != job) return;
@@ -143,7 +144,7 @@ static void rendered(tcs_job *job) {
   tcs_session_wake(session);
 }
 
-/* In a view's size, or in a smaller one where that would take more samples than a scene may ask for. */
+/* Sets the view's size, or a smaller one if that would exceed the limit on samples. */
 static void make_of_size(const tcs_session *session, const tcs_view *view, tc_scene *scene, tc_mesh *const *meshes) {
   const tcs_limits *limits = &session->server->config->limits;
   const tcs_samples_limits most = {(double)limits->render_samples, (double)limits->ray_samples};

@@ -5,21 +5,21 @@
 
 #include "renderer/volume/voxel.h"
 
-/* Pairs of neighbours looked at: enough for a share, and done in a millisecond. */
+/* Pairs of neighbours sampled: enough for an estimate, within a millisecond. */
 #define SAMPLES 200000
 #define VALUES 65536
-/* Of one scan hardly anything has fewer values; a segmentation of a whole body has about a hundred. */
+/* Hardly any scan has fewer values. A whole-body segmentation has about a hundred. */
 #define FEW 24
-/* Atlases of the brain have some hundreds. */
+/* Brain atlases have some hundreds of values. */
 #define MOST 1024
-/* Of neighbours that are not both nothing, how many are alike: nearly all in labels, one of ten in a scan with noise.
- */
+/* Least share of equal neighbours, among pairs that are not both background: almost 1 in labels, 0.1 in a noisy scan.
+ *  */
 #define ALIKE 0.5
 #define SAME_DIRECTION 1e-3
 #define SAME_SPACING 1e-3
 #define SAME_PLACE 0.1 /* voxels */
 
-/* Two places in index space agree on every axis but for `tolerance` voxels, which is one number or three. */
+/* Whether two positions in index space agree within x, y and z voxels. */
 static bool near(const double a[3], const double b[3], double x, double y, double z) {
   return fabs(a[0] - b[0]) <= x && fabs(a[1] - b[1]) <= y && fabs(a[2] - b[2]) <= z;
 }
@@ -31,7 +31,7 @@ static void corner(const tc_volume *from, const tc_volume *to, bool last, double
   tc_volume_lps_to_index(to, lps, index);
 }
 
-/* On the volume's grid: voxels fall on voxels. */
+/* The same grid, perhaps shifted by whole voxels. */
 static bool same_grid(const tc_volume *volume, const tc_volume *labels) {
   const tc_volume_desc *a = tc_volume_describe(volume), *b = tc_volume_describe(labels);
   for (int k = 0; k < 9; k++)
@@ -44,7 +44,7 @@ static bool same_grid(const tc_volume *volume, const tc_volume *labels) {
   return near(at, whole, SAME_PLACE, SAME_PLACE, SAME_PLACE);
 }
 
-/* The same box, by another number of voxels: first and last voxel lie within one of the coarser grid. */
+/* The same box with another number of voxels: the first and last voxels agree within one voxel of the coarser grid. */
 static bool same_box(const tc_volume *volume, const tc_volume *labels) {
   const tc_volume_desc *a = tc_volume_describe(volume), *b = tc_volume_describe(labels);
   double slack[3], lo[3], hi[3], first[3], last[3];
@@ -55,13 +55,13 @@ static bool same_box(const tc_volume *volume, const tc_volume *labels) {
   return near(first, lo, slack[0], slack[1], slack[2]) && near(last, hi, slack[0], slack[1], slack[2]);
 }
 
-/* From 0 on; all the same in a volume of fractions. */
+/* A voxel's value, shifted to start at 0; always 0 in a volume of floats. */
 static int voxel_at(const tc_volume_desc *d, const void *voxels, size_t i) {
   const int least = d->type == TC_I8 ? INT8_MIN : d->type == TC_I16 ? INT16_MIN : 0;
   return d->type == TC_F32 ? 0 : (int)tc_voxel_at(d->type, voxels, i) - least;
 }
 
-/* How many values occur, and of neighbours along x that are not both `nothing` the share that is alike, in samples. */
+/* Number of different values, and the share of equal neighbours along x among those not both background. Sampled. */
 static int values_of(const tc_volume *labels, double *alike) {
   const tc_volume_desc *d = tc_volume_describe(labels);
   const void *voxels = tc_volume_data(labels);
@@ -97,7 +97,7 @@ bool tcs_labels_check(const tc_volume *volume, const tc_volume *labels, GError *
     return false;
   }
   double alike;
-  const int values = known ? 0 : values_of(labels, &alike); /* a segmentation says what it is */
+  const int values = known ? 0 : values_of(labels, &alike); /* a segmentation lists its segments */
   if (values <= FEW || (values <= MOST && alike >= ALIKE)) return true;
   tc_set_error(
       error, TC_ERROR_CONFLICT, pointer,

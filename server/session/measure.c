@@ -4,17 +4,17 @@
 #include "server/observe/metrics.h"
 #include "server/session/deliver.h"
 
-/* Then the pixels measured so far are the sample. */
+/* After this time the pixels measured so far are the sample. */
 #define MOST_MS 5000
 
 struct tcs_measure {
   tcs_task task;
   tcs_server *server;
-  tcs_session *session; /* NULL: nobody wants it any more */
+  tcs_session *session; /* NULL: cancelled */
   tcs_view *view;
   tcs_picture *picture;       /* owned reference */
   tc_volume *volume, *labels; /* owned references; no labels: NULL */
-  struct tc_mesh **meshes;    /* of the scene's surfaces, the job's */
+  struct tc_mesh **meshes;    /* of the scene's surfaces; taken from the job */
   tc_scene scene;
   tc_meter *meter;
   atomic_bool cancel;
@@ -28,7 +28,7 @@ static void run(tcs_task *task) {
   tc_meter_measure(m->meter, &of, MOST_MS, &m->result, &m->error);
 }
 
-/* The reason instead of figures. */
+/* Stores the reason for having no result. */
 static void tell_failure(const tcs_measure *m) {
   tcs_log(TCS_LOG_WARN, "meter.failed", "code=%d", m->error->code);
   tcs_picture *picture = m->picture;
@@ -105,8 +105,8 @@ void tcs_session_still(tcs_session *session, tcs_job *job) {
   const tcs_picture *last = session->still;
   if (last && last->revision == job->revision && last->header.width == job->out_width &&
       last->header.height == job->out_height && (view->measure || tcs_picture_is_judged(last)))
-    return;                 /* asked for again and again, it would never be done */
-  tcs_measure_cancel(view); /* of another picture */
+    return;                 /* repeated requests must not restart the measurement */
+  tcs_measure_cancel(view); /* of the previous picture */
   tcs_picture_unref(session->still);
   session->still = tcs_picture_new(job);
   g_clear_pointer(&session->still->image, g_bytes_unref);

@@ -1,23 +1,23 @@
-/* The error meter of a session: after a final picture, a thread of low priority integrates the sampled pixels again
- * with the reference. The measured error goes into the picture's header, and viewers get the header again. I/O thread
- * only.
+/* The error meter of a session: after a final picture a thread of low priority integrates sampled pixels with the
+ * reference. The measured error is added to the picture's header, and viewers get the header again. I/O thread only.
  *
- * At most one measurement of a view counts: a change of the scene ends it, and so does the end of the view. */
+ * A view has at most one measurement; a change of the scene or the end of the view cancels it. */
 #ifndef TCS_SESSION_MEASURE_H
 #define TCS_SESSION_MEASURE_H
 
 #include "server/session/session.h"
 
-/* Takes the job's meter, volume and scene for the picture that it made, one of the session's. */
+/* Starts a measurement of `picture`, one of the session's. Takes the job's meter and meshes; copies or references the
+ * rest. */
 void tcs_measure_begin(tcs_session *session, tcs_view *view, tcs_job *job, tcs_picture *picture);
-/* NULL view->measure is fine. */
+/* Cancels the view's measurement, if any. */
 void tcs_measure_cancel(tcs_view *view);
-/* How many pixels of a job's picture the meter is to have: the scene's wish, 0 where there is no reference. */
+/* Number of pixels to keep for the meter: as the scene asks, 0 if the reference cannot integrate the scene. */
 int tcs_meter_pixels(const tcs_job *job);
-/* A final picture was made for a single request: it is measured if no viewer's picture is. */
+/* A final picture was rendered for a single request: measures it if the session has no viewers. */
 void tcs_session_still(tcs_session *session, tcs_job *job);
-/* The meter's result for the present scene, or the reason for having none; NULL: not measured, or not asked. Borrowed.
- */
+/* The picture that has the meter's result for the current scene, or the reason for having none. NULL: not measured, or
+ * not requested. Borrowed. */
 const tcs_picture *tcs_session_judged(const tcs_session *session);
 
 #endif

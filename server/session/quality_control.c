@@ -9,11 +9,11 @@
 #include "server/session/deliver.h"
 #include "server/session/sessions.h"
 
-/* Looks remembered; beyond that all are forgotten: they come back in less than a second each. */
+/* Limit on remembered looks. Above it all are forgotten; measuring one again takes less than a second. */
 #define MOST_LOOKS 64
 #define CACHE_BYTES (96u << 20)
 
-/* One measurement: for a session (whoever has the look profits), or for a single picture that waits. */
+/* One measurement, for a session (all sessions with this look profit), or for a single picture that waits for it. */
 typedef struct measurement {
   tcs_task task;
   tcs_quality *quality;
@@ -22,17 +22,17 @@ typedef struct measurement {
   tc_volume *volume, *labels; /* owned references; no labels: NULL */
   tc_scene scene;
   tc_camera camera;
-  tc_quality_model model; /* what is known of errors and times: where to begin */
+  tc_quality_model model; /* known errors and times, to start from */
   tc_quality_cost cost;
   tc_quality_view view;
-  tc_interrupt own, *interrupt; /* that of the waiting job, where there is one */
+  tc_interrupt own, *interrupt; /* the waiting job's, if any, else &own */
   GError *error;
 } measurement;
 
 struct tcs_quality {
   tcs_server *server;
   GHashTable *models;    /* look -> tc_quality_model */
-  tc_renderer *renderer; /* the quality worker's */
+  tc_renderer *renderer; /* used by the quality worker only */
   GPtrArray *under_way;  /* measurement */
   measurement *for_session;
 };
@@ -60,8 +60,8 @@ void tcs_quality_free(tcs_quality *q) {
 
 /* ---- looks ---- */
 
-/* Everything of a scene that its error depends on beside camera and sampling: the scene's own words, less those. Lists
- * that are shared are not written down, which would take as long as they are: their digests stand for them. */
+/* Key of a look: volume, labels and the scene's JSON without the members that do not affect its error model. Shared
+ * lists are represented by their digests, since writing them takes long. */
 static char *look_of(const tc_volume *volume, const tc_volume *labels, const tc_scene *scene) {
   static const char *const out[] = {"camera", "errorMeter", "skipping", "splat", "mpr", "isosurface"};
   static const char *const out_of[][2] = {{"image", "format"},  {"image", "quality"},        {"image", "subsampling"},
@@ -115,7 +115,7 @@ bool tcs_quality_lit_in_motion(const tc_scene *scene, bool moving) {
   return moving && scene->shading.model != TC_SHADING_NONE;
 }
 
-/* Of frames like the session's, or of all for want of such. */
+/* Cost of the session's frames, or of all frames if the session has none yet. */
 static const tc_quality_cost *cost_in(const tcs_quality *q, const tcs_session *session, bool moving) {
   const tc_quality_cost *own = session ? &session->cost[tcs_quality_lit_in_motion(&session->scene, moving)] : NULL;
   return own && own->w > 0 ? own : tcs_scheduler_cost(q->server->scheduler);
@@ -129,7 +129,7 @@ static double pixels_of(const tc_volume *volume, const tc_scene *scene) {
   return tc_estimate_pixels(volume, scene, scene->image.width, scene->image.height);
 }
 
-/* Of the two that a bound on time chooses from, the session's newest picture tells the one in use. */
+/* A bound on time chooses between two methods; the session's newest picture tells which is in use. */
 static void take_method_in_use(tc_scene *s, const tcs_session *session) {
   const tcs_picture *latest = session ? tcs_session_latest(session) : NULL;
   if (!(s->quality.max_ms > 0) || !latest) return;
@@ -156,7 +156,7 @@ void tcs_quality_resolve(tcs_quality *q, tcs_job *job, const tcs_session *sessio
     if (moving && used->for_time) s->quality.max_ms = MIN(s->quality.max_ms, TCS_LADDER_TARGET_MS);
     tc_quality_choose(model, cost, s, pixels_of(job->volume, s), &choice);
     tc_quality_apply(&choice, s);
-    if (moving && !used->for_time && choice.step < own.sampling.step) { /* no dearer than the scene's own */
+    if (moving && !used->for_time && choice.step < own.sampling.step) { /* never more costly than the scene's own */
       s->sampling.step = own.sampling.step;
       s->classification = own.classification;
     }
@@ -204,7 +204,7 @@ static void run(tcs_task *task) {
 
 static void submit_waiting(tcs_quality *q, tcs_job *job) {
   GError *error = NULL;
-  if (!job->user) { /* the client has gone */
+  if (!job->user) { /* the client left */
     tcs_job_free(job);
     return;
   }
@@ -215,7 +215,7 @@ static void submit_waiting(tcs_quality *q, tcs_job *job) {
   tcs_job_free(job);
 }
 
-/* Final pictures that are now known to fall short of what their bound allows are made again. */
+/* Renders final pictures again for which the new model gives a better choice. */
 static void refine(tcs_session *session, void *user) {
   const measurement *m = user;
   const tcs_picture *latest = tcs_session_latest(session);
@@ -247,7 +247,7 @@ static void done(tcs_task *task) {
     tcs_log(TCS_LOG_WARN, "quality.failed", "code=%d", m->error->code);
   }
   if (m->waiting) submit_waiting(q, m->waiting);
-  /* What failed once fails again: it waits for the next final frame. */
+  /* A failed measurement would fail again: not before the next final frame. */
   const bool again = !m->error || g_error_matches(m->error, TC_ERROR, TC_ERROR_CANCELLED);
   tc_volume_unref(m->volume);
   tc_volume_unref(m->labels);
@@ -259,7 +259,7 @@ static void done(tcs_task *task) {
   if (again) tcs_quality_pump(q);
 }
 
-/* What is measured. cost: of frames like it. */
+/* What to measure. cost: of similar frames. */
 typedef struct subject {
   tc_volume *volume, *labels;
   const tc_scene *scene;
@@ -267,7 +267,7 @@ typedef struct subject {
   const tc_quality_cost *cost;
 } subject;
 
-/* Takes `look`. waiting: the job that is queued afterwards, or NULL. */
+/* Takes `look`. waiting: a job to queue afterwards, or NULL. */
 static measurement *begin(tcs_quality *q, tcs_job *waiting, const subject *of, char *look) {
   measurement *m = g_new0(measurement, 1);
   *m = (measurement){.task = {.run = run, .done = done}, .quality = q, .look = look, .camera = *of->camera};

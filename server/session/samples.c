@@ -2,18 +2,18 @@
 
 #include <math.h>
 
-/* Beyond it the picture shows nothing that a smaller one would not. */
+/* A longer step would lose more than a smaller picture does. */
 #define MOST_STEP 8.0
 #define TRIES 8
 
-/* What a scene's samples are counted with, and held against. */
+/* Inputs of an estimate, and the limits. */
 typedef struct bound {
   const tc_volume *volume;
   tc_mesh *const *meshes;
   const tcs_samples_limits *limits;
 } bound;
 
-/* How many times over its limits a scene is. */
+/* The estimates of a scene as multiples of the limits. */
 typedef struct load {
   double picture, ray;
 } load;
@@ -25,13 +25,13 @@ static load load_of(const bound *b, const tc_scene *scene) {
 
 static bool passes(load l) { return l.picture <= 1 && l.ray <= 1; }
 
-/* Three digits, so that it is read easily, and not less than asked. */
+/* Rounds up to three digits, for readable messages. */
 static double rounded_up(double value) {
   const double unit = pow(10, floor(log10(value)) - 2);
   return ceil(value / unit - 1e-9) * unit;
 }
 
-/* The scene with about this share of its samples. */
+/* Reduces the samples of a scene to about this share. */
 typedef void turn(tc_scene *to, const tc_scene *scene, double share);
 
 static void turn_step(tc_scene *to, const tc_scene *scene, double share) {
@@ -45,11 +45,12 @@ static void turn_image(tc_scene *to, const tc_scene *scene, double share) {
   to->image.height = (int)fmax(1, floor(scene->image.height * sqrt(share)));
 }
 
-/* How far on a line between two loads the limit is. */
+/* Where the limit lies on the line between two loads, 0..1. */
 static double reach(double low, double high) { return high > 1 ? (1 - low) / (high - low) : 1; }
 
-/* The largest share that passes; false: the least one does not. The load is nearly a line in the share, and bent above
- * it: where the line meets the limit is at most a little too much. */
+/* Finds the largest share that passes. False: even the least share does not. The load is almost linear in the share and
+ * slightly concave, so the share at which its chord meets the limit is slightly too large at most; hence the
+ * iterations. */
 static bool turn_down(const bound *b, const tc_scene *scene, turn *by, double least, tc_scene *mended) {
   by(mended, scene, least);
   const load low = load_of(b, mended);
@@ -72,7 +73,7 @@ bool tcs_samples_shrink(const tc_volume *volume, tc_scene *scene, tc_mesh *const
   return passes(load_of(&b, scene)) || turn_down(&b, &whole, turn_image, 0, scene);
 }
 
-/* The least change first: longer steps, or a smaller picture where steps do not count, or fewer rays and both. */
+/* Tries the smallest change first: longer steps, then a smaller picture, then one ray per pixel with either. */
 static bool mend(const bound *b, const tc_scene *scene, tc_scene *mended) {
   tc_scene plain = *scene;
   const double least = scene->sampling.step / MOST_STEP, pixel = 0;

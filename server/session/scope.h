@@ -1,4 +1,4 @@
-/* What a caller may do to a session's scene. I/O thread only. */
+/* Permissions of a caller on a session's scene. I/O thread only. */
 #ifndef TCS_SESSION_SCOPE_H
 #define TCS_SESSION_SCOPE_H
 
@@ -7,11 +7,11 @@
 #include "server/access/role.h"
 #include "server/session/session.h"
 
-/* NULL, or why not, in words: one who looks changes nothing, and one who was given this session brings no other volume
- * into it as labels. */
+/* NULL, or the reason for a refusal: a viewer may change nothing, and a caller with a link to this session may not use
+ * another volume as labels. */
 const char *tcs_patch_forbidden(const tcs_caller *caller, const tcs_session *session, const cJSON *patch);
 
-/* NULL, or why a caller may not have the session show another volume; NULL: one that there is not. */
+/* NULL, or the reason why the caller may not switch the session to another volume. entry NULL: no such volume. */
 const char *tcs_show_forbidden(const tcs_caller *caller, const tcs_session *session, const tcs_entry *entry);
 
 #endif

@@ -65,15 +65,15 @@ static bool has_not_seen(const tcs_session *session, const tcs_watcher *watcher)
          (watcher->resized || watcher->shown_revision != session->revision);
 }
 
-/* A scene that a viewer has not seen at all is shown soon, even at rest: where its final picture takes long, by an
- * interactive frame. */
+/* A viewer that has not seen the current scene gets a picture soon, even at rest: an interactive frame, if the final
+ * picture takes long. */
 static bool wants_preview(tcs_session *session, const tcs_watcher *watcher) {
   const double soon_ms =
       watcher->shown_revision ? tcs_scheduler_moving_ms(session->server->scheduler) : TCS_LONG_MS;
   return has_not_seen(session, watcher) && full_ms(session, watcher->view) > soon_ms;
 }
 
-/* The first picture of all is waited for as a single one is. */
+/* A viewer's first picture has the priority of a single picture. */
 static tcs_class class_of(tcs_session *session, const tcs_watcher *watcher, bool rest) {
   if (!rest || wants_preview(session, watcher)) return TCS_CLASS_INTERACTIVE;
   if (!watcher->shown_revision) return TCS_CLASS_SINGLE;

@@ -9,7 +9,8 @@
 #include "server/schedule/job.h"
 #include "server/session/samples.h"
 
-/* Whether two scenes take the same samples for certain: all but what is no matter is the same, bit for bit. */
+/* Whether two scenes certainly take the same number of samples: equal bit for bit, except for members that do not
+ * matter. */
 static bool same_samples(const tc_scene *a, const tc_scene *b) {
   tc_scene x = *a, y = *b; /* borrow */
   memset(&x.transfer_function, 0, sizeof x.transfer_function);
@@ -21,7 +22,7 @@ static bool same_samples(const tc_scene *a, const tc_scene *b) {
   return memcmp(&x, &y, sizeof x) == 0;
 }
 
-/* The patch brings a volume of labels, and does not insist on it. */
+/* Whether the patch sets a new label volume without labels.force. */
 static bool doubts_labels(const tc_scene *scene, const tc_scene *valid, const cJSON *patch) {
   const cJSON *labels = cJSON_GetObjectItemCaseSensitive(patch, "labels");
   const bool known = valid && strcmp(valid->labels.volume, scene->labels.volume) == 0;

@@ -55,7 +55,7 @@ static bool random_id(char id[33], GError **error) {
   return true;
 }
 
-/* A house that is full of others' sessions still takes a peer's first one, within reason. */
+/* At the limit a peer without a session may still create one, up to twice the limit. */
 static bool has_room(const tcs_sessions *sessions, const char *peer) {
   const int64_t most = sessions->server->config->limits.sessions;
   for (guint i = 0; i < sessions->order->len; i++)

@@ -18,7 +18,7 @@ tcs_view *tcs_view_new(tcs_session *session, int width, int height) {
 
 tcs_view *tcs_session_own_view(const tcs_session *session) { return g_ptr_array_index(session->views, 0); }
 
-/* Jobs of it are not wanted any more, and their pictures have no place. */
+/* Cancels the view's jobs and frees it. */
 static void free_view(tcs_session *session, tcs_view *view) {
   tcs_measure_cancel(view);
   for (guint i = session->jobs->len; i-- > 0;) {

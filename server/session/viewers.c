@@ -37,7 +37,7 @@ void tcs_session_leave(tcs_watcher *watcher) {
 void tcs_watcher_pump(tcs_watcher *watcher) {
   tcs_session *session = watcher->session;
   if (!session) return;
-  /* A picture that is out of date only goes out as it is finished; here a newer one is on its way. */
+  /* An outdated picture is sent only when it is finished; here a newer one is already being made. */
   const tcs_picture *latest = watcher->view->latest;
   if (latest && latest->revision == session->revision) tcs_session_deliver_to(session, watcher, g_get_monotonic_time());
   tcs_session_wake(session);

@@ -12,10 +12,10 @@ bool tcs_watcher_wants_error(const tcs_watcher *watcher, const tcs_picture *pict
 }
 
 uint64_t tcs_watcher_seq_in(const tcs_watcher *watcher, const tcs_picture *picture, uint64_t current_revision) {
-  if (picture->revision == current_revision) return watcher->seq; /* every patch so far */
+  if (picture->revision == current_revision) return watcher->seq; /* the picture has every patch so far */
   for (guint i = 0; picture->marks && i < picture->marks->len; i++) {
     const tcs_mark *mark = &g_array_index(picture->marks, tcs_mark, i);
     if (mark->watcher == watcher->id) return mark->seq;
   }
-  return 0; /* came after the picture was begun, and so did its patches */
+  return 0; /* the viewer joined after the picture was begun */
 }

@@ -5,19 +5,17 @@
 #include <string.h>
 #include <wslay/wslay.h>
 
-/* Bytes read in one turn, so that one busy peer does not hold up the others. */
+/* Bytes read per turn, so that one busy peer does not block the others. */
 #define READ_BUDGET 4096
-/* wslay keeps each fragment by itself, with some hundred bytes beside: a message of one byte each would take megabytes.
- */
+/* wslay allocates some hundred bytes per fragment, so a message in one-byte fragments would take megabytes. */
 #define MOST_FRAGMENTS 1024
 
-/* wslay copies what it is given, so a message with a large shared part is framed here: between wslay's messages, never
- * within one. */
+/* wslay copies messages, so a message with a large shared body is framed here, between wslay's messages. */
 typedef struct shared_message {
-  GBytes *body;           /* NULL: there is none */
-  uint8_t *head;          /* [head_size] of g_malloc: the frame's head, then the message's */
-  size_t head_size, sent; /* sent: of head and body */
-  bool behind;            /* wslay had messages when this one came: they go first */
+  GBytes *body;           /* NULL: none pending */
+  uint8_t *head;          /* [head_size], g_malloc'ed: frame header, then message head */
+  size_t head_size, sent; /* sent: bytes of head and body sent so far */
+  bool behind;            /* wslay had queued messages before this one: they go first */
 } shared_message;
 
 struct tcs_channel {
@@ -26,8 +24,8 @@ struct tcs_channel {
   void *user;
   size_t budget;
   shared_message shared;
-  bool closing, broken; /* broken: the pipe itself failed */
-  unsigned fragments;   /* of the message that comes */
+  bool closing, broken; /* broken: the pipe failed */
+  unsigned fragments;   /* of the message being received */
   bool in_close;
   uint8_t close_body[125];
   size_t close_size;
@@ -50,7 +48,7 @@ static ssize_t on_receive(wslay_event_context_ptr wslay, uint8_t *bytes, size_t 
   return -1;
 }
 
-/* Bytes moved, 0 = not now, -1 = broken. */
+/* Returns bytes sent, 0 = would block, -1 = broken. */
 static ssize_t give(tcs_channel *channel, const uint8_t *bytes, size_t size, bool more) {
   const ssize_t sent = channel->callbacks.send(channel->user, bytes, size, more);
   if (sent >= 0) return sent;
@@ -75,12 +73,12 @@ static void on_message(wslay_event_context_ptr wslay, const struct wslay_event_o
     break;
   case WSLAY_BINARY_FRAME: tcs_channel_close(channel, WSLAY_CODE_UNSUPPORTED_DATA, "messages are text"); break;
   case WSLAY_CONNECTION_CLOSE: channel->closing = true; break;
-  default: break; /* wslay answers pings; a pong is only a sign of life */
+  default: break; /* wslay answers pings; a pong only shows that the peer is alive */
   }
 }
 
-/* --- what wslay leaves unchecked of a close (RFC 6455, section 5.5.1): a body of one byte, a reason that comes in
- * pieces */
+/* --- close frames: checks that wslay omits (RFC 6455, section 5.5.1): a body of one byte, and UTF-8 of a reason that
+ * arrives in pieces */
 
 static void on_frame_start(wslay_event_context_ptr wslay, const struct wslay_event_on_frame_recv_start_arg *frame,
                            void *user) {
@@ -125,7 +123,7 @@ tcs_channel *tcs_channel_new(const tcs_channel_callbacks *callbacks, void *user)
     g_free(channel);
     return NULL;
   }
-  /* wslay's own default lets one 14-byte header ask for 2 GiB. */
+  /* wslay's default would let one 14-byte header allocate 2 GiB. */
   wslay_event_config_set_max_recv_msg_length(channel->wslay, TCS_MAX_MESSAGE);
   return channel;
 }
@@ -146,15 +144,15 @@ void tcs_channel_free(tcs_channel *channel) {
 bool tcs_channel_read(tcs_channel *channel) {
   channel->budget = READ_BUDGET;
   if (wslay_event_recv(channel->wslay) == 0) return true;
-  /* A frame that cannot be one: wslay gives up with an empty close frame in its queue. Say why instead, where nothing
-   * is half sent. */
+  /* Malformed frame: wslay queues an empty close frame. Send one with the reason instead, unless a message is half
+   * sent. */
   static const uint8_t protocol_error[] = {0x88, 2, WSLAY_CODE_PROTOCOL_ERROR >> 8, WSLAY_CODE_PROTOCOL_ERROR & 255};
   if (!channel->broken && tcs_channel_queued(channel) <= 1)
     channel->callbacks.send(channel->user, protocol_error, sizeof protocol_error, false);
   return false;
 }
 
-/* False: the pipe is broken. True with the message still there: the pipe is full. */
+/* False: the pipe is broken. True with the body still pending: the pipe is full. */
 static bool send_shared(tcs_channel *channel) {
   shared_message *m = &channel->shared;
   gsize body_size;
@@ -190,7 +188,7 @@ bool tcs_channel_send_text(tcs_channel *channel, const char *text) {
   return queue(channel, WSLAY_TEXT_FRAME, text, strlen(text));
 }
 
-/* RFC 6455, section 5.2: FIN, no mask. Returns the size of the head. */
+/* Writes an unmasked frame header with FIN (RFC 6455, section 5.2). Returns its size. */
 static size_t frame_head(uint8_t head[10], uint8_t opcode, uint64_t size) {
   const int wide = size < 126 ? 0 : size < 65536 ? 2 : 8;
   head[0] = 0x80 | opcode;

@@ -1,5 +1,5 @@
-/* WebSocket framing over any byte pipe: no sockets, no time. Wraps wslay with the limits a hostile peer needs.
- * One thread. */
+/* WebSocket framing over any byte pipe, without sockets or time. Wraps wslay and adds limits against hostile peers. One
+ * thread. */
 #ifndef TCS_WS_CHANNEL_H
 #define TCS_WS_CHANNEL_H
 
@@ -10,14 +10,15 @@
 #include <sys/types.h>
 
 #define TCS_MAX_MESSAGE 65536
-/* With more answers than this waiting to go out, nothing more is read: a peer that asks and never reads makes no queue.
- */
+/* Backpressure: above this many unsent messages nothing more is read, so that a peer that never reads builds no queue.
+ *  */
 #define TCS_MAX_QUEUED 16
 
 typedef struct tcs_channel tcs_channel;
 
 typedef struct tcs_channel_callbacks {
-  /* Like recv() and send(): bytes moved, 0 = end of input, -1 with errno EAGAIN = not now, -1 otherwise = broken. */
+  /* Like recv() and send(): bytes moved, 0 = end of input, -1 with errno EAGAIN = would block, -1 otherwise = broken.
+   *  */
   ssize_t (*receive)(void *user, uint8_t *bytes, size_t size);
   ssize_t (*send)(void *user, const uint8_t *bytes, size_t size, bool more);
   /* A whole text message, not zero-terminated. */
@@ -28,15 +29,15 @@ typedef struct tcs_channel_callbacks {
 tcs_channel *tcs_channel_new(const tcs_channel_callbacks *callbacks, void *user);
 void tcs_channel_free(tcs_channel *channel); /* NULL is fine */
 
-/* Reads until the pipe has nothing more or enough was read for one turn. False: the pipe is broken. */
+/* Reads until the pipe is empty or the turn's budget is used. False: the pipe is broken. */
 bool tcs_channel_read(tcs_channel *channel);
-/* Sends what waits until the pipe is full. False: the pipe is broken. */
+/* Sends queued messages until the pipe is full. False: the pipe is broken. */
 bool tcs_channel_write(tcs_channel *channel);
 
-/* Queue a message; copies it. False: the channel is closing, or out of memory. */
+/* Queues a copy of the message. False: the channel is closing, or out of memory. */
 bool tcs_channel_send_text(tcs_channel *channel, const char *text);
-/* One message of two parts, of which the body is not copied: it is held by reference until the last byte has gone, so
- * that one picture serves all its viewers. One such message at a time: false while another waits, too. */
+/* Queues one message of head and body. The body is not copied but referenced until its last byte is sent, so that all
+ * viewers share one picture. One such message at a time: false while another is pending, or the channel is closing. */
 bool tcs_channel_send_shared(tcs_channel *channel, bool binary, const void *head, size_t head_size, GBytes *body);
 bool tcs_channel_ping(tcs_channel *channel);
 void tcs_channel_close(tcs_channel *channel, uint16_t code, const char *reason);

@@ -18,7 +18,8 @@ bool tcs_token_in(const char *list, const char *token, bool fold) {
 }
 
 bool tcs_websocket_key_valid(const char *key) {
-  /* 16 bytes are 22 characters and two of padding; the last character carries 2 bits only, which nobody checks. */
+  /* 16 bytes are 22 base64 characters plus two of padding. The last character carries 2 bits only; the other 4 are not
+   * checked. */
   if (strlen(key) != 24 || strcmp(key + 22, "==") != 0) return false;
   for (int i = 0; i < 22; i++)
     if (!g_ascii_isalnum(key[i]) && key[i] != '+' && key[i] != '/') return false;

@@ -22,26 +22,26 @@
 #include "server/ws/channel.h"
 #include "server/ws/handshake.h"
 
-#define PING_US 15000000    /* a sign of life is asked for this often */
-#define SILENCE_US 30000000 /* and a peer without one for this long is gone */
-#define PIECE ((size_t)128) /* bytes of a few short messages */
-#define CLOSE_US 2000000    /* how long a closing handshake may take */
+#define PING_US 15000000    /* interval of pings */
+#define SILENCE_US 30000000 /* a peer silent for this long is disconnected */
+#define PIECE ((size_t)128) /* bytes per read: a few short messages */
+#define CLOSE_US 2000000    /* time limit of a closing handshake */
 
 typedef struct tcs_stream {
-  tcs_source source; /* first: the loop hands it back */
+  tcs_source source; /* must be first: the loop passes the source */
   tcs_watcher watcher;
   tcs_streams *streams;
   struct MHD_UpgradeResponseHandle *handle;
   tcs_caller caller;
   tcs_channel *channel;
-  GByteArray *extra; /* came with the handshake; read before the socket */
+  GByteArray *extra; /* received with the handshake; consumed before the socket is read */
   uint32_t events;
-  int64_t read_us; /* since when this turn reads */
+  int64_t read_us; /* when this turn began to read */
   int64_t heard_us, pinged_us, sent_us, closing_us;
   tcs_allowance share;
-  int64_t resume_us;   /* nothing is read before then; 0 = read at once */
-  struct hello *hello; /* on its way from the worker; nothing is read before it is there */
-  bool dead, inside;   /* inside: called by the framing, which must return before anything is torn down */
+  int64_t resume_us;   /* reading pauses until then; 0 = not paused */
+  struct hello *hello; /* being written by the worker; no reading until it is sent */
+  bool dead, inside;   /* inside: called from the channel, so that nothing may be torn down */
 } tcs_stream;
 
 struct tcs_streams {
@@ -65,8 +65,8 @@ static ssize_t on_receive(void *user, uint8_t *bytes, size_t size) {
     g_byte_array_remove_range(stream->extra, 0, count);
     return count;
   }
-  /* What is read is worked off at once, and some patches take milliseconds to refuse: the clock is looked at every few
-   * messages, and the rest comes in the loop's next turn. */
+  /* Messages are handled as they are read, and refusing some patches takes milliseconds. So the time is checked every
+   * few messages, and the rest is read in the loop's next turn. */
   if (g_get_monotonic_time() - stream->read_us > TCS_TURN_US) {
     errno = EAGAIN;
     return -1;
@@ -143,12 +143,12 @@ static void on_text(void *user, const char *bytes, size_t size) {
   tcp_message_clear(&message);
 }
 
-/* The first message, which holds the whole scene: of many knots it is megabytes, which a worker writes. Nothing is read
- * and nothing else is sent before it. */
+/* The first message, with the whole scene. With many knots this is megabytes, so a worker writes the text. Nothing is
+ * read or sent before it. */
 struct hello {
   tcs_task task;
-  tcs_stream *stream; /* NULL: it died meanwhile */
-  char session[40];   /* its id: it may end meanwhile */
+  tcs_stream *stream; /* NULL: the stream died meanwhile */
+  char session[40];   /* the id, since the session may end meanwhile */
   tc_scene scene;
   cJSON *json;
   char *text;
@@ -208,7 +208,7 @@ static void send_hello(tcs_stream *stream, tcs_session *session) {
   done_hello(&hello->task);
 }
 
-/* --- the watcher's transport ---------------------------------------------------------------------- */
+/* --- transport of the watcher ---------------------------------------------------------------------- */
 
 static bool on_ready(const tcs_watcher *watcher) {
   const tcs_stream *stream = of_watcher(watcher);
@@ -241,7 +241,7 @@ static void on_end(tcs_watcher *watcher) {
 
 static const tcs_watcher_ops stream_ops = {on_ready, on_frame, on_watcher_text, on_end, true};
 
-/* --- life ----------------------------------------------------------------------------------------- */
+/* --- life cycle ------------------------------------------------------------------------------------ */
 
 static void die(tcs_stream *stream) {
   if (stream->dead) return;
@@ -250,7 +250,7 @@ static void die(tcs_stream *stream) {
   tcs_session_leave(&stream->watcher);
   tcs_server *server = stream->streams->server;
   server->ws_clients--;
-  /* Before the descriptor is given back: its number may be in use again at once. */
+  /* Before the descriptor is closed, since its number may be reused at once. */
   tcs_loop_remove(server->loop, &stream->source);
   server->http_work = true;
   MHD_upgrade_action(stream->handle, MHD_UPGRADE_ACTION_CLOSE);
@@ -258,7 +258,7 @@ static void die(tcs_stream *stream) {
   g_ptr_array_add(stream->streams->dead, stream);
 }
 
-/* Sends what can be sent, notices the end, asks the loop for what is needed next. */
+/* Sends what the socket takes, closes if finished, and registers the events needed next. */
 static void settle(tcs_stream *stream) {
   if (stream->dead || stream->inside) return;
   stream->inside = true;
@@ -279,7 +279,7 @@ static void settle(tcs_stream *stream) {
   if (tcs_channel_wants_write(stream->channel)) events |= EPOLLOUT;
   if (events != stream->events) tcs_loop_change(stream->streams->server->loop, &stream->source, events);
   stream->events = events;
-  /* The socket took the last of it: a frame that waited for that can go. */
+  /* The send queue is empty: a frame may be waiting for this. */
   if (had && tcs_channel_queued(stream->channel) == 0 && stream->watcher.session) tcs_watcher_pump(&stream->watcher);
 }
 
@@ -326,8 +326,8 @@ void tcs_streams_free(tcs_streams *streams) {
 
 static void set_socket_options(int fd) {
   const int one = 1, low_water = 16384;
-  /* MHD switches Nagle back on at hand-over. The low-water mark keeps the backlog here, where newer frames replace
-   * older ones, and not in the kernel. */
+  /* MHD re-enables Nagle at hand-over. The low-water mark keeps the backlog in this process, where newer frames replace
+   * older ones, instead of in the kernel. */
   setsockopt(fd, IPPROTO_TCP, TCP_NODELAY, &one, sizeof one);
   setsockopt(fd, IPPROTO_TCP, TCP_NOTSENT_LOWAT, &low_water, sizeof low_water);
 }
@@ -366,7 +366,7 @@ int tcs_streams_count(const tcs_streams *streams) { return (int)streams->live->l
 void tcs_streams_tell(tcs_streams *streams, const char *json) {
   for (guint i = streams->live->len; i-- > 0;) {
     tcs_stream *stream = g_ptr_array_index(streams->live, i);
-    if (!stream->caller.session[0]) on_watcher_text(&stream->watcher, json); /* it names volumes */
+    if (!stream->caller.session[0]) on_watcher_text(&stream->watcher, json); /* names volumes, not for links */
   }
 }
 
@@ -398,7 +398,7 @@ void tcs_streams_tick(tcs_streams *streams, int64_t now_us) {
       tcs_channel_close(stream->channel, 1008, "the token or link is not good any more");
       settle(stream);
     } else if (stream->extra->len && !stream->hello) {
-      read_some(stream); /* was left over while answers were waiting; the socket will not tell */
+      read_some(stream); /* bytes held back while answers were queued; epoll does not report them */
     } else if (now_us - stream->pinged_us > PING_US) {
       stream->pinged_us = now_us;
       tcs_channel_ping(stream->channel);
