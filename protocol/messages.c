@@ -148,6 +148,22 @@ static cJSON *timing(const tcp_frame_header *header) {
   return object;
 }
 
+static void add_depths(cJSON *object, const tcp_surface_error *e) {
+  tcp_add(object, "depthRms", cJSON_CreateNumber(e->rms));
+  tcp_add(object, "depthP99", cJSON_CreateNumber(e->p99));
+  tcp_add(object, "depthMax", cJSON_CreateNumber(e->max));
+  tcp_add(object, "outline", cJSON_CreateNumber(e->outline));
+}
+
+static cJSON *surface_error(const tcp_surface_error *e) {
+  cJSON *object = cJSON_CreateObject();
+  if (e->surface >= 0) tcp_add(object, "surface", cJSON_CreateNumber(e->surface));
+  if (e->label) tcp_add(object, "label", cJSON_CreateNumber(e->label));
+  tcp_add(object, "pixels", cJSON_CreateNumber(e->both + e->one));
+  add_depths(object, e);
+  return object;
+}
+
 cJSON *tcp_measured_error(const tcp_frame_header *header) {
   cJSON *object = cJSON_CreateObject();
   tcp_add(object, "rms", cJSON_CreateNumber(header->rms));
@@ -155,10 +171,11 @@ cJSON *tcp_measured_error(const tcp_frame_header *header) {
   tcp_add(object, "high", cJSON_CreateNumber(header->high));
   tcp_add(object, "max", cJSON_CreateNumber(header->max));
   tcp_add(object, "pixels", cJSON_CreateNumber(header->pixels));
-  if (!header->surface_both && !header->surface_one) return object;
-  tcp_add(object, "depthRms", cJSON_CreateNumber(header->depth_rms));
-  tcp_add(object, "depthMax", cJSON_CreateNumber(header->depth_max));
-  tcp_add(object, "outline", cJSON_CreateNumber((double)header->surface_one / header->pixels));
+  if (!header->depth.both && !header->depth.one) return object;
+  add_depths(object, &header->depth);
+  cJSON *each = cJSON_CreateArray();
+  for (int i = 0; i < header->n_surfaces; i++) cJSON_AddItemToArray(each, surface_error(&header->surfaces[i]));
+  tcp_add(object, "surfaces", each);
   return object;
 }
 

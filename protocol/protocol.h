@@ -105,6 +105,16 @@ typedef struct tcp_message {
 bool tcp_message_parse(const char *bytes, size_t size, tcp_message *message, GError **error);
 void tcp_message_clear(tcp_message *message);
 
+/* How far surfaces of a picture are off. */
+typedef struct tcp_surface_error {
+  int surface;         /* number in mesh.surfaces; of all of them, or without such a list, -1 */
+  uint32_t label;      /* 0: of no label */
+  int both, one;       /* pixels with the surface in picture and reference, and in one of them only */
+  double rms, p99, max; /* mm of depth, where both have it */
+  double outline;      /* `one` as a share of the pixels measured */
+} tcp_surface_error;
+enum { TCP_MOST_SURFACES = 32 };
+
 typedef struct tcp_frame_header {
   uint64_t frame, seq;
   int width, height;
@@ -117,14 +127,15 @@ typedef struct tcp_frame_header {
   bool has_error;
   double rms, low, high, max;
   int pixels;
-  int surface_both, surface_one; /* of these pixels: with the surface in picture and reference, and in one of them only */
-  double depth_rms, depth_max;   /* mm, where both have it */
+  tcp_surface_error depth, surfaces[TCP_MOST_SURFACES]; /* of all surfaces; of each that was met */
+  int n_surfaces;
   const char *volume;     /* id of the volume it shows; NULL */
   const char *unmeasured; /* why the meter that was asked for cannot measure this picture; NULL */
   const char *scene;      /* JSON text of tcp_scene_write_shown() of the scene it shows; NULL */
   uint64_t others;        /* changes of the scene so far that were not the viewer's; with `scene` */
 } tcp_frame_header;
-/* {"rms","low","high","max","pixels"} of a header that has an error, and "depthRms","depthMax","outline" of surfaces. */
+/* {"rms","low","high","max","pixels"} of a header that has an error, and of surfaces "depthRms","depthP99","depthMax",
+ * "outline" and for each of "surfaces" the same. */
 cJSON *tcp_measured_error(const tcp_frame_header *header);
 /* 4-byte little-endian length + JSON text; g_malloc'ed, *size bytes; the image bytes follow it on the wire. */
 uint8_t *tcp_frame_header_write(const tcp_frame_header *header, size_t *size);

@@ -29,11 +29,29 @@ export function errorText({ error, unmeasured }) {
   if (unmeasured) return `error not measured: ${unmeasured}`;
   if (!error) return '';
   const spread = (error.high - error.low) / 2;
-  const surface =
-    error.depthRms === undefined
-      ? ''
-      : `; depth ${error.depthRms.toPrecision(2)} mm, outline ${(100 * error.outline).toPrecision(2)} % of pixels`;
-  return `error ${in255(error.rms)}/255 \u00b1 ${in255(spread)}, max ${in255(error.max)} (${error.pixels} px)${surface}`;
+  return `error ${in255(error.rms)}/255 \u00b1 ${in255(spread)}, max ${in255(error.max)} (${error.pixels} px)${surfaceText(error)}`;
+}
+
+const depths = ({ depthRms, depthP99, outline }) =>
+  `depth ${depthRms.toPrecision(2)} mm rms, 99 % within ${(depthP99 ?? depthRms).toPrecision(2)} mm, ` +
+  `outline wrong in ${(100 * outline).toPrecision(2)} % of pixels`;
+
+const named = ({ label, surface }) => (label ? `label ${label}` : `surface ${surface + 1}`);
+
+/** A line for each surface that was met, where there are several: "surface 2: depth 0.031 mm rms, ..." */
+export function surfaceLines({ surfaces = [] }) {
+  return surfaces.length < 2 ? [] : surfaces.map((one) => `${named(one)}: ${depths(one)} (${one.pixels} px)`);
+}
+
+const FEW = 3; // that fit into the line; those of most pixels are first
+
+function surfaceText(error) {
+  if (error.depthRms === undefined) return '';
+  const { surfaces = [] } = error;
+  const each =
+    surfaces.length < 2 ? [] : surfaces.slice(0, FEW).map((one) => `${named(one)} ${one.depthRms.toPrecision(2)}`);
+  const more = surfaces.length > FEW ? `, ${surfaces.length - FEW} more` : '';
+  return `; ${depths(error)}${each.length ? ` (${each.join(', ')}${more})` : ''}`;
 }
 
 export class Status {
@@ -82,9 +100,9 @@ export class Status {
     const element = this.#get('error');
     element.textContent = errorText(header);
     element.hidden = !element.textContent;
-    element.title = header.error
-      ? `largest of ${header.error.pixels} random pixels: ${in255(header.error.max)}/255, before rounding to 8 bits`
-      : '';
+    const { error } = header;
+    const of = error && `largest of ${error.pixels} random pixels: ${in255(error.max)}/255, before rounding to 8 bits`;
+    element.title = error ? [of, ...surfaceLines(error)].join('\n') : '';
   }
 
   #rest() {

@@ -249,56 +249,35 @@ tc_reference *tc_meter_reference(const tc_meter_subject *of, int width, int heig
   return r;
 }
 
-/* As a frame's depth: the nearest of the pixel's rays; infinite where none meets a surface. */
-static double nearest_of(const tc_reference *reference, const tc_scene *scene, const meter_pixel *p) {
-  tc_subpixel rays[TC_MAX_RAYS_PER_PIXEL];
-  const int count = scene->sampling.rays_per_pixel;
-  double nearest = INFINITY;
-  tc_subpixel_rays(count, rays);
-  for (int r = 0; r < count; r++) {
-    tc_reference_hit hit;
-    if (tc_reference_surface(reference, p->x + 0.5 + rays[r].x, p->y + 0.5 + rays[r].y, &hit))
-      nearest = fmin(nearest, hit.distance_mm);
-  }
-  return nearest;
-}
-
-/* *squares sums squares of millimetres. */
-static void compare_depth(double drawn, double truth, double *squares, tc_meter_result *result) {
-  const double apart = fabs(drawn - truth);
-  result->one += isfinite(drawn) != isfinite(truth);
-  if (!isfinite(drawn) || !isfinite(truth)) return;
-  result->both++;
-  *squares += apart * apart;
-  result->depth_max = fmax(result->depth_max, apart);
-}
-
 bool tc_meter_measure(const tc_meter *meter, const tc_meter_subject *of, double most_ms, tc_meter_result *result,
                       GError **error) {
   double start = tc_now_ms();
   *result = (tc_meter_result){0};
   tc_reference *reference = tc_meter_reference(of, meter->width, meter->height, error);
   double *squares = reference ? malloc((size_t)meter->count * sizeof *squares) : NULL;
-  if (reference && !squares) tc_set_error(error, TC_ERROR_MEMORY, NULL, "error meter: out of memory");
+  tc_depths *depths = squares ? malloc((size_t)meter->count * sizeof *depths) : NULL;
+  if (reference && !depths) tc_set_error(error, TC_ERROR_MEMORY, NULL, "error meter: out of memory");
   bool stopped = false;
-  double millimetres = 0;
-  int n = 0;
-  while (squares && n < meter->count) {
+  int n = 0, n_depths = 0;
+  while (depths && n < meter->count) {
     const meter_pixel *p = &meter->pixels[n];
     double wanted[4], got[4];
     tc_meter_truth(reference, of->scene, p->x, p->y, 1, wanted);
     for (int c = 0; c < 4; c++) got[c] = (double)p->rgba[c];
     squares[n++] = tc_meter_square(of->scene, got, wanted, &result->max);
-    if (tc_meter_wants_depth(of->scene) && !isnan(p->depth))
-      compare_depth((double)p->depth, nearest_of(reference, of->scene, p), &millimetres, result);
+    if (tc_meter_wants_depth(of->scene) && !isnan(p->depth)) {
+      depths[n_depths].drawn = (double)p->depth;
+      tc_depths_exact(reference, of->scene, p->x, p->y, &depths[n_depths++]);
+    }
     stopped = of->cancel && atomic_load_explicit(of->cancel, memory_order_relaxed);
     if (stopped || (most_ms > 0 && tc_now_ms() - start > most_ms)) break;
   }
-  if (squares) tc_meter_estimate(squares, n, result);
-  if (result->both) result->depth_rms = sqrt(millimetres / result->both);
+  if (depths) tc_meter_estimate(squares, n, result);
+  if (n_depths) result->n_surfaces = tc_depths_compare(depths, n_depths, &result->depth, result->surfaces, TC_METER_SURFACES);
   if (stopped) tc_set_error(error, TC_ERROR_CANCELLED, NULL, "cancelled");
   result->ms = tc_now_ms() - start;
-  bool good = squares && !stopped;
+  bool good = depths && !stopped;
+  free(depths);
   free(squares);
   tc_reference_free(reference);
   return good;

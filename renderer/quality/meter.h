@@ -15,10 +15,12 @@
 #include <stdbool.h>
 #include <stdint.h>
 
+#include "renderer/quality/depths.h"
 #include "renderer/tomocast.h"
 
 typedef struct tc_meter tc_meter;
-typedef struct tc_reference tc_reference;
+
+enum { TC_METER_SURFACES = 32 };
 
 /* Estimates for the whole frame from the pixels that were measured. */
 typedef struct tc_meter_result {
@@ -28,19 +30,18 @@ typedef struct tc_meter_result {
   double max;       /* largest difference of a channel among these pixels: the frame's own is at least this */
   int pixels;       /* measured */
   /* Where tc_meter_wants_depth(): the nearest surface that a pixel's rays meet, against the exact one: the root of the
-     trilinear field, a mesh's own triangles, a label's at full detail. */
-  int both, one;    /* pixels where picture and reference meet it, and where only one of them does: wrong outlines */
-  double depth_rms, depth_max; /* mm along the ray, of pixels where both do; 0 where there are none */
-  double ms;        /* what it took */
+     trilinear field, a mesh's own triangles, a label's at full detail. All surfaces together, then one by one. */
+  tc_depth_error depth, surfaces[TC_METER_SURFACES];
+  int n_surfaces; /* that were met; those of most pixels where they are more than there is room for */
+  double ms;      /* what it took */
 } tc_meter_result;
 
 /* Picks the pixels and keeps what the frame has there; `frame` was rendered with want_linear, and with want_depth where
  * tc_meter_wants_depth(); depths that it has in other modes are not read. All pixels, once each,
  * when `count` is at least as many. NULL when memory is short. Quick: for the render thread. */
 tc_meter *tc_meter_new(const tc_frame *frame, int count, uint64_t seed);
-/* Of several samples a pixel, mode mesh has the depth in the middle of those that a triangle covers, and no ray is there. */
 static inline bool tc_meter_wants_depth(const tc_scene *s) {
-  return s->mode == TC_MODE_ISOSURFACE || (s->mode == TC_MODE_MESH && s->sampling.rays_per_pixel == 1);
+  return s->mode == TC_MODE_ISOSURFACE || s->mode == TC_MODE_MESH;
 }
 void tc_meter_free(tc_meter *meter); /* NULL is fine */
 

@@ -13,6 +13,8 @@
 /* Of modes isosurface and mesh, and within a volume. */
 typedef struct ref_surface {
   tc_surface_source kind;
+  int number;     /* of the scene's list */
+  uint32_t label; /* 0: of no label */
   double iso, plane[4];
   tc_ref_triangles *triangles;   /* owned; of labels and meshes */
   double color[3], opacity;      /* compositing space */
@@ -103,9 +105,13 @@ static tc_ref_shading shading_of_surface(const tc_reference *r, const tc_scene *
 static bool add_surface(tc_reference *r, const tc_scene *scene, const tc_mesh_surface *item, const tc_volume *labels,
                         const tc_reference_mesh *mesh, GError **error) {
   const double *srgb = item->has_color ? item->color : scene->isosurface.color;
+  const tc_mesh_surface *first = scene->mesh.surfaces;
+  const bool listed = first && item >= first && item < first + scene->mesh.n_surfaces;
   ref_surface *s = &r->surfaces[r->n_surfaces++];
   *s = (ref_surface){.kind = item->source, .iso = item->value, .opacity = item->opacity, .one_sided = !item->two_sided};
   for (int c = 0; c < 3; c++) s->color[c] = scene->image.linear_light ? tc_ref_to_linear(srgb[c]) : srgb[c];
+  s->number = listed ? (int)(item - first) : 0;
+  if (item->source == TC_SURFACE_OF_LABEL) s->label = (uint32_t)item->label;
   if (item->source == TC_SURFACE_OF_LABEL && !item->has_color) tc_ref_label_color(labels, scene, item->label, s->color);
   if (item->source == TC_SURFACE_OF_PLANE) plane_of(r, scene, item->plane, s->plane);
   s->shading = shading_of_surface(r, scene, item);
@@ -359,6 +365,7 @@ static bool hit_surface(const tc_reference *r, const ref_surface *s, const tc_re
     hit->normal[k] = s->kind == TC_SURFACE_OF_PLANE ? s->plane[k] : on.normal[k];
   }
   hit->distance_mm = next->t - ray->eye;
+  hit->surface = s->number, hit->label = s->label;
   memcpy(hit->color, s->colored ? on.color : s->color, sizeof hit->color);
   if (s->kind == TC_SURFACE_OF_PLANE) {
     color_slice(r, at, hit->color);

@@ -20,6 +20,7 @@
 #include <stdatomic.h>
 #include <stdbool.h>
 #include <stddef.h>
+#include <stdint.h>
 
 #include "renderer/base/error.h"
 #include "renderer/scene/scene.h"
@@ -76,6 +77,8 @@ typedef struct tc_reference_hit {
   double distance_mm; /* from the eye */
   double normal[3];   /* LPS, unit, on the eye's side; 0 where the field is flat */
   double color[3];    /* shaded, compositing space */
+  int surface;        /* number in scene->mesh.surfaces; 0 where the scene lists none */
+  uint32_t label;     /* of the labels that it is the surface of; 0: of none */
 } tc_reference_hit;
 
 /* False if the ray misses the surface, or the mode is not isosurface. */

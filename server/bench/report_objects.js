@@ -100,22 +100,12 @@ function surfaceFigure(title, yLabel, caption, series) {
 }
 
 function surfaceTable() {
-  const names = [
-    'triangles',
-    'simplified to',
-    'time',
-    'outline off by',
-    'pixels missed',
-    'depth, median',
-    '99 %',
-    'most',
-  ];
+  const names = ['triangles', 'simplified to', 'time', 'outline wrong in', 'depth, median', '99 %', 'most'];
   const cells = (row) => [
     row.triangles ? count(row.triangles) : 'ray-cast isosurface',
     row.triangles ? `${digits(row.errorMm)} mm` : '-',
     `${digits(row.ms)} ms`,
-    `${digits(row.outlinePixels, 2)} pixels`,
-    String(row.missed),
+    `${percent(row.outline)} of pixels`,
     ...[row.depthP50Mm, row.depthP99Mm, row.depthMaxMm].map((mm) => `${digits(mm, 2)} mm`),
   ];
   return stackedTable(
@@ -134,16 +124,15 @@ function surfaceSection() {
       'p',
       {},
       `${subject.title}, its surface as triangles, simplified ever further, against the exact trilinear isosurface (the ` +
-        "reference's roots): how many pixels the outline is off on average, and how far depths are where both have a " +
+        "reference's roots): the share of pixels that only one of the two covers, and how far depths are where both have a " +
         'surface.',
     ),
     html(
       'div',
       { class: 'charts' },
-      surfaceFigure('Error over triangles', 'mm or pixels', 'Depth along the rays; an outline of 1 is a pixel off.', [
+      surfaceFigure('Error over triangles', 'mm', 'Depth along the rays, where both have a surface.', [
         ['depth, median mm', 'depthP50Mm'],
         ['depth, 99 % mm', 'depthP99Mm'],
-        ['outline, pixels', 'outlinePixels'],
       ]),
       surfaceFigure('Time over triangles', 'ms a frame', 'A frame of the whole surface, cpu.', [['mesh', 'ms']]),
     ),

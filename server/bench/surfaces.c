@@ -4,6 +4,7 @@
 #include <string.h>
 
 #include "renderer/mesh/measure.h"
+#include "renderer/quality/depths.h"
 #include "renderer/reference/reference.h"
 #include "server/bench/parallel.h"
 #include "server/bench/timing.h"
@@ -13,77 +14,53 @@ static const double errors_voxels[LEVELS] = {0, 0.02, 0.05, 0.1, 0.25, 0.5, 1}; 
 
 /* ---- errors ---- */
 
+typedef struct measuring {
+  tc_renderer *renderer;
+  tc_volume *volume;
+  const tc_depths *truth;
+  int runs, side;
+} measuring;
+
 typedef struct roots {
   const tc_reference *reference;
+  const tc_scene *scene;
   int side;
-  float *depth;
+  tc_depths *pixels;
 } roots;
 
 static void find_row(void *context, int y) {
   const roots *r = context;
-  for (int x = 0; x < r->side; x++) {
-    tc_reference_hit hit;
-    const bool met = tc_reference_surface(r->reference, x + 0.5, y + 0.5, &hit);
-    r->depth[y * r->side + x] = met ? (float)hit.distance_mm : INFINITY;
-  }
+  for (int x = 0; x < r->side; x++) tc_depths_exact(r->reference, r->scene, x, y, &r->pixels[y * r->side + x]);
 }
 
-float *tcs_surface_truth(tc_volume *volume, const tc_scene *scene, int side, int threads, GError **error) {
-  tc_scene own;
-  tc_scene_copy(&own, scene);
-  own.mode = TC_MODE_ISOSURFACE;
+/* The exact depths of the scene's isosurface, [side][side]; g_free() them. */
+static tc_depths *find_truth(tc_volume *volume, const tc_scene *scene, int side, int threads, GError **error) {
+  tc_scene own = *scene; /* borrows */
+  own.mode = TC_MODE_ISOSURFACE, own.sampling.rays_per_pixel = 1;
   tc_reference *reference = tc_reference_new(volume, &own, side, side, 0, error);
-  tc_scene_clear(&own);
   if (!reference) return NULL;
-  roots r = {reference, side, g_new(float, (size_t)side *(size_t)side)};
+  roots r = {reference, &own, side, g_new0(tc_depths, (size_t)side *(size_t)side)};
   tcs_parallel(threads, side, find_row, &r);
   tc_reference_free(reference);
-  return r.depth;
+  return r.pixels;
 }
 
-/* A neighbour has none. */
-static bool on_outline(const float *depth, int side, int i) {
-  const int x = i % side, y = i / side;
-  return (x > 0 && !isfinite(depth[i - 1])) || (x + 1 < side && !isfinite(depth[i + 1])) ||
-         (y > 0 && !isfinite(depth[i - side])) || (y + 1 < side && !isfinite(depth[i + side]));
-}
-
-void tcs_surface_compare(const float *depth, const float *truth, int side, tcs_surface_error *out) {
-  double *apart = g_new(double, (size_t)side *(size_t)side), squares = 0;
-  int n = 0, outline = 0;
-  *out = (tcs_surface_error){0};
-  for (int i = 0; i < side * side; i++) {
-    const bool real = isfinite(truth[i]), drawn = isfinite(depth[i]);
-    out->pixels += real;
-    out->missed += real != drawn;
-    outline += real && on_outline(truth, side, i);
-    if (!real || !drawn) continue;
-    apart[n] = fabs((double)depth[i] - (double)truth[i]);
-    squares += apart[n] * apart[n], n++;
-  }
-  tcs_sort(apart, (size_t)n);
-  if (n)
-    out->depth_rms = sqrt(squares / n), out->depth_p50 = apart[(n - 1) / 2], out->depth_p99 = apart[(n - 1) * 99 / 100],
-    out->depth_max = apart[n - 1];
-  if (outline) out->outline = (double)out->missed / outline;
-  g_free(apart);
+static void compare(const measuring *m, const float *depth, tc_depth_error *off) {
+  const int n = m->side * m->side;
+  tc_depths *pixels = g_memdup2(m->truth, (size_t)n * sizeof *pixels);
+  for (int i = 0; i < n; i++) pixels[i].drawn = (double)depth[i];
+  tc_depths_compare(pixels, n, off, NULL, 0);
+  g_free(pixels);
 }
 
 /* ---- triangles ---- */
-
-typedef struct measuring {
-  tc_renderer *renderer;
-  tc_volume *volume;
-  const float *truth;
-  int runs, side;
-} measuring;
 
 /* The least time of several frames after one that builds, and how far a picture is off. */
 static cJSON *measure(const measuring *m, const tc_scene *scene, tc_mesh *mesh, GError **error) {
   tc_mesh *const meshes[1] = {mesh};
   tc_render_request request = {.meshes = mesh ? meshes : NULL};
   tc_frame frame = {0};
-  tcs_surface_error off;
+  tc_depth_error off;
   double ms = INFINITY;
   bool good = true;
   for (int i = 0; i <= m->runs && good; i++) {
@@ -92,18 +69,17 @@ static cJSON *measure(const measuring *m, const tc_scene *scene, tc_mesh *mesh, 
   }
   request.width = request.height = m->side, request.want_depth = true;
   good = good && tc_render(m->renderer, m->volume, scene, &request, &frame, error);
-  if (good) tcs_surface_compare(frame.depth, m->truth, m->side, &off);
+  if (good) compare(m, frame.depth, &off);
   tc_frame_finish(&frame);
   if (!good) return NULL;
   cJSON *json = cJSON_CreateObject();
   if (mesh) cJSON_AddNumberToObject(json, "triangles", (double)mesh->n_triangles);
   cJSON_AddNumberToObject(json, "ms", ms);
-  cJSON_AddNumberToObject(json, "outlinePixels", off.outline);
-  cJSON_AddNumberToObject(json, "missed", off.missed);
-  cJSON_AddNumberToObject(json, "depthRmsMm", off.depth_rms);
-  cJSON_AddNumberToObject(json, "depthP50Mm", off.depth_p50);
-  cJSON_AddNumberToObject(json, "depthP99Mm", off.depth_p99);
-  cJSON_AddNumberToObject(json, "depthMaxMm", off.depth_max);
+  cJSON_AddNumberToObject(json, "outline", off.outline);
+  cJSON_AddNumberToObject(json, "depthRmsMm", off.rms);
+  cJSON_AddNumberToObject(json, "depthP50Mm", off.p50);
+  cJSON_AddNumberToObject(json, "depthP99Mm", off.p99);
+  cJSON_AddNumberToObject(json, "depthMaxMm", off.max);
   return json;
 }
 
@@ -155,7 +131,7 @@ static bool measure_levels(const measuring *m, const tc_scene *scene, cJSON *to,
 
 cJSON *tcs_surface_levels(tc_renderer *renderer, tc_volume *volume, const tc_scene *scene, int runs, int side,
                           GError **error) {
-  float *truth = tcs_surface_truth(volume, scene, side, tc_renderer_about(renderer)->threads, error);
+  tc_depths *truth = find_truth(volume, scene, side, tc_renderer_about(renderer)->threads, error);
   if (!truth) return NULL;
   const measuring m = {renderer, volume, truth, runs, side};
   cJSON *json = cJSON_CreateArray(), *rays = NULL;

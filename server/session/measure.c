@@ -36,6 +36,11 @@ static void tell_failure(const tcs_measure *m) {
   picture->header.unmeasured = picture->unmeasured;
 }
 
+static tcp_surface_error surface_error(const tc_depth_error *e, bool listed) {
+  return (tcp_surface_error){.surface = listed ? e->surface : -1, .label = e->label, .both = e->both, .one = e->one,
+                             .rms = e->rms, .p99 = e->p99, .max = e->max, .outline = e->outline};
+}
+
 static void tell(const tcs_measure *m) {
   tcp_frame_header *header = &m->picture->header;
   tcs_histogram_add_error(&m->server->metrics->error, m->result.rms);
@@ -45,8 +50,10 @@ static void tell(const tcs_measure *m) {
   header->high = m->result.high;
   header->max = m->result.max;
   header->pixels = m->result.pixels;
-  header->surface_both = m->result.both, header->surface_one = m->result.one;
-  header->depth_rms = m->result.depth_rms, header->depth_max = m->result.depth_max;
+  header->depth = surface_error(&m->result.depth, false);
+  header->n_surfaces = MIN(m->result.n_surfaces, TCP_MOST_SURFACES);
+  for (int i = 0; i < header->n_surfaces; i++)
+    header->surfaces[i] = surface_error(&m->result.surfaces[i], m->scene.mode == TC_MODE_MESH && m->scene.mesh.n_surfaces);
 }
 
 static void done(tcs_task *task) {

@@ -5,7 +5,7 @@ import { volumeBox } from '../../web/camera.js';
 import { Bindings, contextOf, dragChord, keyChord, TABLE } from '../../web/bindings.js';
 import { compose, NO_MOVEMENT, notches, pinch, wheelFactor } from '../../web/input.js';
 import { patchFor, valueAt } from '../../web/panels.js';
-import { compressionRatio, fidelity, frameRate } from '../../web/status.js';
+import { compressionRatio, errorText, fidelity, frameRate, surfaceLines } from '../../web/status.js';
 import { sliceHeight, slicePlace, slicePixels, sliceStep, steer } from '../../web/steer.js';
 import { pictureSize } from '../../web/view.js';
 import { describe, formatBytes, idsFor, uploadId, volumeList } from '../../web/volumes.js';
@@ -44,6 +44,17 @@ test('drags mean what they mean in 3-D viewers and in slice viewers', () => {
   assert.equal(dragAction({ button: 0 }, 'mpr'), 'window');
   assert.equal(dragAction({ button: 1 }, 'mpr'), 'pan');
   assert.equal(dragAction({ button: 0, pointerType: 'touch' }, 'mpr'), 'scroll');
+});
+
+test('how far surfaces are off, together and one by one', () => {
+  const depths = { depthRms: 0.5, depthP99: 1.25, depthMax: 3, outline: 0.02 };
+  const color = { rms: 0.01, low: 0.01, high: 0.01, max: 0.02, pixels: 64 };
+  const surfaces = [{ surface: 1, pixels: 40, ...depths, depthRms: 0.25 }, { label: 7, pixels: 4, ...depths }];
+  const said = errorText({ error: { ...color, ...depths, surfaces } });
+  assert.match(said, /; depth 0.50 mm rms, 99 % within 1.3 mm, outline wrong in 2.0 % of pixels \(surface 2 0.25, label 7 0.50\)$/);
+  assert.doesNotMatch(errorText({ error: { ...color, ...depths, surfaces: surfaces.slice(1) } }), /label/);
+  assert.doesNotMatch(errorText({ error: color }), /depth/);
+  assert.deepEqual(surfaceLines({ surfaces })[1], 'label 7: depth 0.50 mm rms, 99 % within 1.3 mm, outline wrong in 2.0 % of pixels (4 px)');
 });
 
 test('the table of bindings: ids are unique, nothing clashes, keys have one name', () => {

@@ -62,7 +62,7 @@ test('uploaded meshes are measured against their triangles, in light of several 
   }
 });
 
-test('surfaces are measured in depth and outline where a ray is a pixel', async () => {
+test('surfaces are measured in depth and outline, each by itself', async () => {
   const scene = { mode: 'mesh', errorMeter: { pixels: 2000 } };
   const measure = async (rest) => {
     const { ws } = await open({ ...scene, ...rest });
@@ -75,10 +75,16 @@ test('surfaces are measured in depth and outline where a ray is a pixel', async 
   for (const [surface, bound] of most) {
     const error = await measure({ mesh: { surfaces: [surface] } });
     assert.ok(error.depthRms > 0 && error.depthRms <= error.depthMax && error.depthRms < bound, JSON.stringify(error));
-    assert.ok(error.outline <= 0.01, JSON.stringify(error));
+    assert.ok(error.depthP99 <= error.depthMax && error.outline <= 0.01, JSON.stringify(error));
   }
   const error = await measure({ mesh: { surfaces: [{ mesh: 'leaf' }] }, sampling: { raysPerPixel: 4 } });
-  assert.equal(error.depthRms, undefined, 'the depth of such a pixel is that of several rays');
+  assert.ok(error.depthMax < 0.02, JSON.stringify(error)); // between the depths of the pixel's rays, but for perspective
+  const both = await measure({ mesh: { surfaces: [{ value: 150, opacity: 0.5 }, { plane: 'coronal' }] } });
+  const each = both.surfaces.toSorted((a, b) => a.surface - b.surface);
+  assert.deepEqual(each.map(({ surface }) => surface), [0, 1], JSON.stringify(both));
+  assert.ok(each[0].depthP99 > 1 && each[1].depthP99 < 1e-3, JSON.stringify(both)); // a plane is exact
+  const labels = (await measure({ labels: { volume: 'ball', force: true } })).surfaces;
+  assert.ok(labels.length > 0 && labels.every(({ label, surface }) => label > 0 && surface === undefined), JSON.stringify(labels));
 });
 
 test('a frame that is asked for by itself is measured where nobody looks on', async () => {

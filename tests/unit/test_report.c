@@ -152,7 +152,7 @@ static void surfaces_are_judged(const cJSON *report) {
     const cJSON *n = cJSON_GetObjectItem(row, "triangles");
     const double rms = cJSON_GetObjectItem(row, "depthRmsMm")->valuedouble;
     assert_true(cJSON_GetObjectItem(row, "ms")->valuedouble > 0);
-    assert_true(cJSON_GetObjectItem(row, "outlinePixels")->valuedouble < 1);
+    assert_true(cJSON_GetObjectItem(row, "outline")->valuedouble < 0.1);
     if (!n) {
       assert_true(!row->next && rms < 1e-3);
       continue;
