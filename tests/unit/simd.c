@@ -213,24 +213,26 @@ static void voxels_are_read_exactly(void **unused) {
 
 #ifdef V_NEAR
 #define V_BIAS_F32 0
-/* In memory that holds nothing beside: 4x4x4 voxels, rows and slices of random lengths between. */
+/* In memory that holds nothing beside: the voxels, rows and slices of random lengths between. */
 static void neighbourhoods_hold_their_voxels(void **unused) {
 #define NEAR(name, NAME, type)                                                                                        \
   for (int round = 0; round < ROUNDS / 8; round++) {                                                                  \
-    const int row = 4 + (int)(draw() % 9), slice = 3 * row + 4 + (int)(draw() % 30), count = 3 * slice + 3 * row + 4; \
+    const int w = V_NEAR_##NAME, row = w + (int)(draw() % 9), slice = 3 * row + w + (int)(draw() % 30);               \
+    const int count = 3 * slice + 3 * row + w, elements = 16 * w;                                                     \
     type *memory = malloc((size_t)count * sizeof *memory);                                                            \
     for (int k = 0; k < count; k++) memory[k] = (type)(int)draw();                                                    \
     const v_near_##name n = v_near_load_##name(memory, row, slice);                                                   \
     lanes at;                                                                                                         \
     vf a, b;                                                                                                          \
-    const int more = round % 3 ? 0 : 20;                                                                              \
-    for (int k = 0; k < V_LANES; k++) at.i[k] = round % 2 ? (int)(draw() % (unsigned)(63 - more)) : 62 - more - k;    \
+    const int more = round % 3 ? 0 : 5 * w, pairs = elements - 1 - more;                                              \
+    for (int k = 0; k < V_LANES; k++) at.i[k] = round % 2 ? (int)(draw() % (unsigned)pairs) : pairs - 1 - k;          \
     v_near_pair_##name(&n, to_vi(&at), more, &a, &b);                                                                 \
     lanes first = of_vf(a - v_set(V_BIAS_##NAME)), second = of_vf(b - v_set(V_BIAS_##NAME));                          \
     for (int k = 0; k < V_LANES; k++) {                                                                               \
       for (int pair = 0; pair < 2; pair++) {                                                                          \
         int e = at.i[k] + more + pair;                                                                                \
-        float wanted = (float)memory[e % 4 + e / 4 % 4 * row + e / 16 * slice], got = pair ? second.f[k] : first.f[k]; \
+        float wanted = (float)memory[e % w + e / w % 4 * row + e / w / 4 * slice];                                    \
+        float got = pair ? second.f[k] : first.f[k];                                                                  \
         if (!same(got, wanted)) FAIL("v_near_pair_" #name, k, at.i[k], pair, 0, got, wanted);                         \
       }                                                                                                               \
     }                                                                                                                 \

@@ -80,15 +80,42 @@ V_INLINE corners gather_corners(const tc_cpu_args *args, int type, vi off) {
 }
 
 #ifdef V_NEAR
-#define NEAR_CORNERS(name, type)                                                                                      \
+/* Voxels along x in a neighbourhood: 4 or 8. */
+V_INLINE int near_width(int type) {
+  switch (type) {
+  case TC_U8: return V_NEAR_U8;
+  case TC_I8: return V_NEAR_I8;
+  case TC_U16: return V_NEAR_U16;
+  case TC_I16: return V_NEAR_I16;
+  default: return V_NEAR_F32;
+  }
+}
+
+#define NEAR_CORNERS(name, NAME, type)                                                                                \
   V_INLINE corners near_corners_##name(const type *voxels, ptrdiff_t row, ptrdiff_t slice, vi at) {                   \
     const v_near_##name n = v_near_load_##name(voxels, row, slice);                                                   \
     corners c;                                                                                                        \
     _Pragma("GCC unroll 4") for (int k = 0; k < 4; k++)                                                               \
-        v_near_pair_##name(&n, at, 4 * (k & 1) + 16 * (k >> 1), &c.a[k], &c.b[k]);                                     \
+        v_near_pair_##name(&n, at, V_NEAR_##NAME * ((k & 1) + 4 * (k >> 1)), &c.a[k], &c.b[k]);                       \
     return c;                                                                                                         \
   }
-SIMD_VOXELS(NEAR_CORNERS)
+NEAR_CORNERS(u8, U8, uint8_t)
+NEAR_CORNERS(i8, I8, int8_t)
+NEAR_CORNERS(u16, U16, uint16_t)
+NEAR_CORNERS(i16, I16, int16_t)
+NEAR_CORNERS(f32, F32, float)
+
+/* The neighbourhood that holds the cells from `least` on, as far as it goes: the cells' places in it, as elements.
+ * Returns which lanes' cells fit. */
+V_INLINE vm near_places(int type, const int least[3], const vi cell[3], vi *at) {
+  const bool wide = near_width(type) == 8;
+  vi rest[3];
+#pragma GCC unroll 3
+  for (int k = 0; k < 3; k++) rest[k] = v_subi(cell[k], v_seti(least[k]));
+  *at = v_addi(v_addi(rest[0], v_shl(rest[1], wide ? 3 : 2)), v_shl(rest[2], wide ? 5 : 4));
+  const vi most = v_maxu(rest[1], rest[2]), two = v_seti(2);
+  return wide ? m_and(v_leu(rest[0], v_seti(6)), v_leu(most, two)) : v_leu(v_maxu(rest[0], most), two);
+}
 
 /* The corners at elements `at` of the neighbourhood whose least voxel is `first`. */
 V_INLINE corners near_corners(const tc_cpu_args *args, int type, ptrdiff_t first, vi at) {

@@ -28,24 +28,25 @@ V_INLINE void gather_lines(const tc_cpu_args *args, int type, const taps t[3], c
 }
 
 #ifdef V_NEAR
-/* The same from register neighbourhoods of 4x4x4 voxels (neighbourhood_tmpl.h): six of them, shifted by one voxel to either
+/* The same from register neighbourhoods (neighbourhood_tmpl.h): six of them, shifted by one voxel to either
  * side of each axis. False: the cells of the lanes that need a gradient do not fit in one neighbourhood, or are too close to
  * a face of the volume. */
 V_INLINE bool near_lines(const tc_cpu_args *args, int type, const taps t[3], vm needs, lines *l) {
   const ptrdiff_t along[3] = {1, args->grid.row, args->grid.slice};
   const vf half = v_set(0.5f), bias = v_set(bias_of(type)), f = t[0].f;
   ptrdiff_t first = 0;
-  vi rest[3];
+  int least[3];
+  vi cell[3] = {t[0].at[1], t[1].at[1], t[2].at[1]}, at;
   if (!args->near) return false;
   for (int k = 0; k < 3; k++) {
-    int base = (int)v_least(v_select(needs, v_float(t[k].at[1]), v_set(1e9f))), most = args->grid.cell_last[k] - 3;
+    int base = (int)v_least(v_select(needs, v_float(cell[k]), v_set(1e9f)));
+    int most = args->grid.cell_last[k] + 1 - (k ? 4 : near_width(type));
     base = base < most ? base : most;
     if (base < 1) return false;
-    rest[k] = v_subi(t[k].at[1], v_seti(base));
+    least[k] = base;
     first += base * along[k];
   }
-  if (m_any(m_andnot(needs, v_leu(v_maxu(v_maxu(rest[0], rest[1]), rest[2]), v_seti(2))))) return false;
-  const vi at = v_addi(v_addi(rest[0], v_shl(rest[1], 2)), v_shl(rest[2], 4));
+  if (m_any(m_andnot(needs, near_places(type, least, cell, &at)))) return false;
   const corners below = near_corners(args, type, first - 1, at), above = near_corners(args, type, first + 1, at);
 #pragma GCC unroll 4
   for (int k = 0; k < 4; k++) {

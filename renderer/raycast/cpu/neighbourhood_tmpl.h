@@ -1,6 +1,7 @@
 /* The samples of a march. Voxels that it will need are prefetched; and where a packet's samples lie close together, all
- * of their cells' corners are found in one neighbourhood of 4x4x4 voxels in registers instead of by gathers, for
- * instruction sets that have neighbourhoods (V_NEAR, simd.h). Either way the voxels are the same, and so are the bits.
+ * of their cells' corners are found in one neighbourhood of 4x4x4 voxels (8x4x4 bytes) in registers instead of by
+ * gathers, for instruction sets that have neighbourhoods (V_NEAR, simd.h). Either way the voxels are the same, and so
+ * are the bits.
  *
  * Rays of a packet enter a slanted face at different depths, which would spread their samples along the rays. So each
  * lane waits whole steps until the others are level with it; its samples remain where they were. */
@@ -14,6 +15,7 @@ typedef struct march {
   float lo[3], rise[3]; /* at step i, lo + i rise bounds the lanes' positions from below, along each axis */
 } march;
 
+#ifdef V_NEAR
 V_INLINE float v_most(vf a) { return 0 - v_least(v_set(0) - a); }
 
 /* Sets p->delay: whole steps until the lanes are level, or 0 where that would make the packet's march much longer. */
@@ -28,7 +30,7 @@ V_INLINE void level_lanes(const tc_cpu_args *args, packet *p) {
 
 /* A lane's position is linear in the step, so the least of all lanes is concave, and lies above the chord from the
  * packet's first step to its last. Returns how many neighbourhoods a step will need. */
-V_INLINE float bound_lanes(const tc_cpu_args *args, const packet *p, march *m) {
+V_INLINE float bound_lanes(const tc_cpu_args *args, variant v, const packet *p, march *m) {
   vf far = v_set(1e9f);
   float steps = 1 + v_most(v_fma(p->length, v_set(args->rays.inverse_step), p->delay)), parts = 1;
 #pragma GCC unroll 3
@@ -39,13 +41,15 @@ V_INLINE float bound_lanes(const tc_cpu_args *args, const packet *p, march *m) {
     float width = v_most(v_select(p->live, begin, v_set(0) - far)) - lo;
     float width_end = v_most(v_select(p->live, end, v_set(0) - far)) - lo_end;
     if (width < width_end) width = width_end;
-    if (width > 2) parts *= (width + 1) / 3;
-    if (args->grid.last[k] < 3) parts = 1e9f;
+    const float cells = (float)(k ? 3 : near_width(v.type) - 1);
+    if (width > cells - 1) parts *= (width + 1) / cells;
+    if (args->grid.last[k] < cells) parts = 1e9f;
     m->lo[k] = lo;
     m->rise[k] = (lo_end - lo) / steps;
   }
   return parts;
 }
+#endif
 
 /* Voxels to where the rays will be some steps on. */
 V_INLINE ptrdiff_t steps_ahead(const tc_cpu_args *args, const packet *p, int steps) {
@@ -66,7 +70,7 @@ V_INLINE march start_march(const tc_cpu_args *args, variant v, packet *p, bool m
 #ifdef V_NEAR
   if (!args->near) return m;
   if (may_level) level_lanes(args, p);
-  m.near = bound_lanes(args, p, &m) <= MOST_NEIGHBOURHOODS;
+  m.near = bound_lanes(args, v, p, &m) <= MOST_NEIGHBOURHOODS;
   if (!m.near) p->delay = v_set(0), p->most_delay = 0;
 #endif
   return m;
@@ -101,19 +105,19 @@ V_INLINE void prefetch_rows(const tc_cpu_args *args, int type, ptrdiff_t first) 
 V_INLINE corners march_near(const tc_cpu_args *args, int type, const march *m, int i, const vi cell[3], vm needs) {
   const ptrdiff_t along[3] = {1, args->grid.row, args->grid.slice};
   ptrdiff_t first = 0;
-  vi rest[3];
+  int least[3];
+  vi at;
 #pragma GCC unroll 3
   for (int k = 0; k < 3; k++) {
-    int base = (int)(m->lo[k] + (float)i * m->rise[k]), most = args->grid.cell_last[k] - 2;
+    int base = (int)(m->lo[k] + (float)i * m->rise[k]), most = args->grid.cell_last[k] + 2 - (k ? 4 : near_width(type));
     base = base < most ? base : most;
-    base = base > 0 ? base : 0;
-    rest[k] = v_subi(cell[k], v_seti(base));
-    first += base * along[k];
+    least[k] = base > 0 ? base : 0;
+    first += least[k] * along[k];
   }
-  vm fits = v_leu(v_maxu(v_maxu(rest[0], rest[1]), rest[2]), v_seti(2));
+  const vm fits = near_places(type, least, cell, &at);
   prefetch_rows(args, type, first + m->ahead);
   if (__builtin_expect(m_any(m_andnot(needs, fits)), 0)) return gather_apart(args, type, cell_offset(args, cell));
-  return near_corners(args, type, first, v_addi(v_addi(rest[0], v_shl(rest[1], 2)), v_shl(rest[2], 4)));
+  return near_corners(args, type, first, at);
 }
 #endif
 

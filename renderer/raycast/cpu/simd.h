@@ -31,9 +31,10 @@
  * - v_prefetch: asks for the cache lines of some lanes' elements off, of `size` bytes each; the addresses may be
  *   outside of any memory.
  * - Only where V_NEAR is defined, for an instruction set whose permutations are cheaper than gathers: v_near_T, a
- *   neighbourhood of 4x4x4 voxels; v_near_load_T: the one whose least voxel is at p, with `row` and `slice` voxels from
- *   one y, one z to the next, reading these 64 alone; v_near_pair_T: its elements at + more and the next (x + 4 y +
- *   16 z, 0 to 62; any number in a lane where that is outside), each plus V_BIAS_T.
+ *   neighbourhood of V_NEAR_T (4 or 8) x 4 x 4 voxels; v_near_load_T: the one whose least voxel is at p, with `row` and
+ *   `slice` voxels from one y, one z to the next, reading these voxels alone; v_near_pair_T: its elements at + more and
+ *   the next (x + V_NEAR_T (y + 4 z), from 0 to the last but one; any number in a lane where that is outside; more is
+ *   even), each plus V_BIAS_T.
  * - v_bilinear: reads entries row0, row0 + 1, row1, row1 + 1 (4 floats each) of base, interpolates by fy between rows,
  *   then by fx, each as a + f (b - a) with v_fma: four equal entries give that entry, and fx = fy = 0 gives row0's.
  *

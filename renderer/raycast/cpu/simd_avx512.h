@@ -112,12 +112,17 @@ V_INLINE void v_prefetch(const void *base, vi off, int size) {
     __builtin_prefetch((const void *)((uintptr_t)base + (uintptr_t)((ptrdiff_t)at[l] * size)));
 }
 
-/* Neighbourhoods: 16-bit voxels in two registers of 32, bytes widened to 16 bits, floats in four registers of 16. One
- * permutation per corner finds the pairs of all lanes. */
+/* Neighbourhoods: rows of 8 bytes in two registers, floats in four registers of 16. One permutation per corner finds
+ * the pairs of all lanes. */
 #define V_NEAR
+#define V_NEAR_U8 8
+#define V_NEAR_I8 8
+#define V_NEAR_U16 4
+#define V_NEAR_I16 4
+#define V_NEAR_F32 4
 #undef SIMD_NEAR
 #define SIMD_NEAR SIMD_VOXELS(SIMD_HAS_NEAR)
-typedef struct v_near_words { vi low, high; } v_near_words;
+typedef struct v_near_words { vi low, high; } v_near_words; /* slices 0 and 1, 2 and 3 */
 typedef struct v_near_floats { vf z[4]; } v_near_floats;
 typedef v_near_words v_near_u8, v_near_i8, v_near_u16, v_near_i16;
 typedef v_near_floats v_near_f32;
@@ -132,24 +137,10 @@ V_INLINE __m256i v_four_rows(const char *p, ptrdiff_t row) {
 V_INLINE vi v_two_slices(const char *p, ptrdiff_t row, ptrdiff_t slice) {
   return _mm512_inserti64x4(_mm512_castsi256_si512(v_four_rows(p, row)), v_four_rows(p + slice, row), 1);
 }
-V_INLINE __m128i v_byte_slice(const char *p, ptrdiff_t row) {
-  const char *q = p + 2 * row;
-  __m128i first = _mm_unpacklo_epi32(_mm_loadu_si32(p), _mm_loadu_si32(p + row));
-  return _mm_unpacklo_epi64(first, _mm_unpacklo_epi32(_mm_loadu_si32(q), _mm_loadu_si32(q + row)));
-}
-V_INLINE __m256i v_two_byte_slices(const char *p, ptrdiff_t row, ptrdiff_t slice) {
-  return _mm256_inserti128_si256(_mm256_castsi128_si256(v_byte_slice(p, row)), v_byte_slice(p + slice, row), 1);
-}
-V_INLINE v_near_words v_near_of_bytes(const void *p, ptrdiff_t row, ptrdiff_t slice, int flip) {
-  const __m256i flips = _mm256_set1_epi8((char)flip);
-  const __m256i low = v_two_byte_slices(p, row, slice), high = v_two_byte_slices((const char *)p + 2 * slice, row, slice);
-  return (v_near_words){_mm512_cvtepu8_epi16(_mm256_xor_si256(low, flips)),
-                        _mm512_cvtepu8_epi16(_mm256_xor_si256(high, flips))};
-}
-V_INLINE v_near_words v_near_of_words(const void *p, ptrdiff_t row, ptrdiff_t slice, int flip) {
-  const vi flips = _mm512_set1_epi16((short)flip);
-  return (v_near_words){_mm512_xor_si512(v_two_slices(p, 2 * row, 2 * slice), flips),
-                        _mm512_xor_si512(v_two_slices((const char *)p + 4 * slice, 2 * row, 2 * slice), flips)};
+/* row, slice: bytes */
+V_INLINE v_near_words v_near_of(const char *p, ptrdiff_t row, ptrdiff_t slice, vi flips) {
+  return (v_near_words){_mm512_xor_si512(v_two_slices(p, row, slice), flips),
+                        _mm512_xor_si512(v_two_slices(p + 2 * slice, row, slice), flips)};
 }
 V_INLINE vf v_float_slice(const float *p, ptrdiff_t row) {
   __m256 low = _mm256_insertf128_ps(_mm256_castps128_ps256(_mm_loadu_ps(p)), _mm_loadu_ps(p + row), 1);
@@ -159,16 +150,16 @@ V_INLINE vf v_float_slice(const float *p, ptrdiff_t row) {
       _mm512_insertf64x4(_mm512_castps_pd(_mm512_castps256_ps512(low)), _mm256_castps_pd(high), 1));
 }
 V_INLINE v_near_u8 v_near_load_u8(const void *p, ptrdiff_t row, ptrdiff_t slice) {
-  return v_near_of_bytes(p, row, slice, 0);
+  return v_near_of((const char *)p, row, slice, v_seti(0));
 }
 V_INLINE v_near_i8 v_near_load_i8(const void *p, ptrdiff_t row, ptrdiff_t slice) {
-  return v_near_of_bytes(p, row, slice, 0x80);
+  return v_near_of((const char *)p, row, slice, v_seti((int)0x80808080));
 }
 V_INLINE v_near_u16 v_near_load_u16(const void *p, ptrdiff_t row, ptrdiff_t slice) {
-  return v_near_of_words(p, row, slice, 0);
+  return v_near_of((const char *)p, 2 * row, 2 * slice, v_seti(0));
 }
 V_INLINE v_near_i16 v_near_load_i16(const void *p, ptrdiff_t row, ptrdiff_t slice) {
-  return v_near_of_words(p, row, slice, 0x8000);
+  return v_near_of((const char *)p, 2 * row, 2 * slice, v_seti((int)0x80008000));
 }
 V_INLINE v_near_f32 v_near_load_f32(const void *p, ptrdiff_t row, ptrdiff_t slice) {
   v_near_f32 n;
@@ -177,13 +168,20 @@ V_INLINE v_near_f32 v_near_load_f32(const void *p, ptrdiff_t row, ptrdiff_t slic
   return n;
 }
 
+V_INLINE vi v_near_both(vi at) { return _mm512_add_epi32(_mm512_or_si512(at, v_shl(at, 16)), v_seti(0x10000)); }
 V_INLINE void v_near_pair_u16(const v_near_words *n, vi at, int more, vf *a, vf *b) {
-  vi both = _mm512_add_epi32(_mm512_or_si512(at, _mm512_slli_epi32(at, 16)), v_seti(0x10000 + more * 0x10001));
+  vi both = v_addi(v_near_both(at), v_seti(more * 0x10001));
   v_biased_words(_mm512_permutex2var_epi16(n->low, both, n->high), a, b);
 }
-#define v_near_pair_u8 v_near_pair_u16 /* all of them hold 16-bit voxels */
-#define v_near_pair_i8 v_near_pair_u16
 #define v_near_pair_i16 v_near_pair_u16
+/* The permutation fetches the two words that hold the bytes, which are one word where `at` is even. */
+V_INLINE void v_near_pair_u8(const v_near_words *n, vi at, int more, vf *a, vf *b) {
+  vi both = v_addi(_mm512_srli_epi16(v_near_both(at), 1), v_seti(more / 2 * 0x10001)), odd = v_andi(at, v_seti(1));
+  vi words = _mm512_permutex2var_epi16(n->low, both, n->high);
+  *a = v_biased(words, 0x1111111111111111, v_addi(_mm512_set4_epi32(12, 8, 4, 0), odd));
+  *b = v_biased(words, 0x1111111111111111, v_subi(_mm512_set4_epi32(15, 11, 7, 3), odd));
+}
+#define v_near_pair_i8 v_near_pair_u8
 V_INLINE vf v_near_float(const v_near_floats *n, vi at) {
   vf low = _mm512_permutex2var_ps(n->z[0], at, n->z[1]);
   vf high = _mm512_permutex2var_ps(n->z[2], at, n->z[3]);
