@@ -1,9 +1,9 @@
 /* Strict JSON in front of cJSON, and RFC 7396.
  *
  * cJSON accepts more than JSON (duplicate names, trailing text, numbers that overflow, "\u0000" that cuts a string
- * short), recurses as deep as the text asks and cannot say where a text is wrong. So a scanner that builds nothing
- * walks the whole text first, checks the grammar of RFC 8259 and remembers line and column; what passes is given to
- * cJSON. */
+ * short), recurses without limit and cannot say where a text is wrong. Therefore a scanner first walks the whole text
+ * without building anything, checks the grammar of RFC 8259 and tracks line and column; only valid text reaches cJSON.
+ *  */
 #include <math.h>
 #include <stdlib.h>
 #include <string.h>
@@ -11,7 +11,7 @@
 #include "protocol/internal.h"
 
 #define MAX_DEPTH 32
-/* cJSON copies a number into 64 bytes. Also ample: 17 digits, a point, a sign and an exponent need 25. */
+/* cJSON copies a number into 64 bytes. Enough for 17 digits with point, sign and exponent, which need 25. */
 #define MAX_NUMBER 63
 #define FEW_NAMES 16
 
@@ -23,8 +23,8 @@ typedef struct slice {
 typedef struct scanner {
   const char *start, *at, *end;
   int depth;
-  guint seed;            /* of the name hash: a client cannot prepare collisions */
-  GStringChunk *decoded; /* names that held escapes; made on first need */
+  guint seed;            /* seed of the name hash, so that a client cannot prepare collisions */
+  GStringChunk *decoded; /* names with escapes; created on demand */
   GError **error;
 } scanner;
 
@@ -95,7 +95,7 @@ static bool scan_hex4(scanner *s, gunichar *code) {
   return true;
 }
 
-/* After "\u". Surrogates must come in pairs; U+0000 would end a C string early. */
+/* After "\u". Surrogates must be paired; U+0000 is refused, since it would end a C string early. */
 static bool scan_unicode_escape(scanner *s, gunichar *code) {
   gunichar low;
   if (!scan_hex4(s, code)) return false;
@@ -125,7 +125,7 @@ static bool scan_escape(scanner *s, GString *out) {
   return true;
 }
 
-/* At the opening quote. The text was found to be UTF-8 before. With `out` the decoded text is appended. */
+/* At the opening quote. The text is known to be valid UTF-8. Appends the decoded text to `out`, if given. */
 static bool scan_string(scanner *s, GString *out) {
   if (!take(s, '"')) return fail(s, "a string is wanted here");
   while (s->at < s->end && *s->at != '"') {
@@ -142,14 +142,14 @@ static bool scan_string(scanner *s, GString *out) {
 
 /* --- objects ---------------------------------------------------------------------------------- */
 
-/* Names of one object: a short list first, a hash table when there are many. */
+/* Names of one object: an array for a few, a hash table for many. */
 typedef struct names {
   slice few[FEW_NAMES];
   int count;
   GHashTable *many; /* slice * -> itself */
 } names;
 
-/* The seed goes into the table through the key's own copy, GLib's hash functions having no user data. */
+/* The key carries the seed, since GLib's hash functions have no user data. */
 typedef struct seeded {
   slice name;
   guint seed;
@@ -173,7 +173,7 @@ static bool names_add_many(names *n, slice name, guint seed) {
   return g_hash_table_add(n->many, key);
 }
 
-/* False: the name is there already. */
+/* False: duplicate name. */
 static bool names_add(names *n, slice name, guint seed) {
   if (n->many) return names_add_many(n, name, seed);
   for (int i = 0; i < n->count; i++)
@@ -187,7 +187,7 @@ static bool names_add(names *n, slice name, guint seed) {
   return names_add_many(n, name, seed);
 }
 
-/* A member name as its reader will see it: "a" and "\u0061" are one name. */
+/* Decodes a member name: "a" and "\u0061" are the same name. */
 static bool scan_name(scanner *s, slice *name) {
   const char *first = s->at;
   if (!scan_string(s, NULL)) return false;
@@ -301,7 +301,7 @@ cJSON *tcp_json_parse(const char *bytes, size_t size, GError **error) {
 
 /* --- RFC 7396 --------------------------------------------------------------------------------- */
 
-/* cJSON finds members by a linear walk; a patch of thousands of members would then cost their square. */
+/* Index of the members, since cJSON searches linearly: a patch of thousands of members would take quadratic time. */
 static GHashTable *index_members(cJSON *object) {
   GHashTable *index = g_hash_table_new(g_str_hash, g_str_equal);
   for (cJSON *item = object->child; item; item = item->next)
@@ -326,7 +326,7 @@ static void merge_member(cJSON *object, GHashTable *index, const cJSON *patch) {
     cJSON_Delete(old);
 }
 
-/* Recursion is as deep as the patch, which tcp_json_parse() bounds. */
+/* Recursion depth is that of the patch, which tcp_json_parse() bounds. */
 void tcp_merge_patch(cJSON **target, const cJSON *patch) {
   if (!cJSON_IsObject(patch)) {
     cJSON_Delete(*target);

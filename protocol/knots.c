@@ -6,7 +6,7 @@
 enum { VALUE, COLOR, OPACITY, EXTINCTION, KNOT_MEMBERS };
 G_STATIC_ASSERT(G_N_ELEMENTS(tcp_knot_members) == KNOT_MEMBERS);
 
-/* A knot gives value, colour and one of opacity and extinction; all knots give the same one. */
+/* A knot has a value, a colour and either opacity or extinction; all knots must have the same of the two. */
 static bool read_knot(tcp_reader *reader, const cJSON *object, tc_knot *knot, tc_knot_kind *kind, bool first) {
   unsigned seen = 0;
   if (!tcp_row_read(reader, tcp_knot_members, KNOT_MEMBERS, object, knot, &seen)) return false;
@@ -79,7 +79,7 @@ static cJSON *write_points(const tcp_member *member, const tc_scene *scene) {
   return list;
 }
 
-/* Points come back with the name of the preset they are of; unless this very patch names another one. */
+/* Restores the default points with their preset's name, unless this patch names another preset. */
 static void reset_points(tcp_reader *reader, const tcp_member *member) {
   tc_transfer_function *tf = &reader->scene->transfer_function;
   const tc_transfer_function *from = &reader->defaults->transfer_function;

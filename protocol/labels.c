@@ -24,7 +24,7 @@ static const tc_label_color *find_color(const tc_scene *scene, uint32_t label) {
   return bsearch(&key, scene->labels.colors, scene->labels.n_colors, sizeof key, by_label);
 }
 
-/* A red below 0 says "as in the defaults". */
+/* A negative red marks "reset to default". */
 static bool is_reset(const tc_label_color *edit) { return edit->rgba[0] < 0; }
 
 static bool read_edit(tcp_reader *reader, const tcp_member *member, const cJSON *item, tc_label_color *edit) {
@@ -39,7 +39,7 @@ static bool read_edit(tcp_reader *reader, const tcp_member *member, const cJSON 
   return true;
 }
 
-/* The patch's members, ascending; a document has no name twice. NULL: an error is set. */
+/* Parses the patch's members, sorted by label; names are unique. NULL: an error is set. */
 static GArray *read_edits(tcp_reader *reader, const tcp_member *member, const cJSON *value) {
   GArray *edits = g_array_new(FALSE, FALSE, sizeof(tc_label_color));
   bool good = true;
@@ -53,7 +53,7 @@ static GArray *read_edits(tcp_reader *reader, const tcp_member *member, const cJ
   return edits;
 }
 
-/* Edits on the scene's colours, both ascending. */
+/* Merges the edits into the scene's colours; both are sorted. */
 static bool lay_on(tcp_reader *reader, const tc_label_color *edits, size_t count) {
   tc_scene *scene = reader->scene;
   const tc_label_color *old = scene->labels.colors;
@@ -74,7 +74,7 @@ static bool lay_on(tcp_reader *reader, const tc_label_color *edits, size_t count
   return good || tcp_fail(reader, TC_ERROR_LIMIT, "at most %d colours are wanted, got %u", TCP_MAX_LABELS, kept);
 }
 
-/* Without defaults it is the edits that are wanted (tcp_lists_read()). */
+/* Without defaults (tcp_lists_read()) the result is the list of edits. */
 static bool read_colors(tcp_reader *reader, const tcp_member *member, const cJSON *value) {
   const tc_scene *read = reader->lists && reader->lists->colors == value ? &reader->lists->scene : NULL;
   if (read) return lay_on(reader, read->labels.colors, read->labels.n_colors);
@@ -130,7 +130,7 @@ static bool read_visible(tcp_reader *reader, const tcp_member *member, const cJS
   int count = cJSON_GetArraySize(value), i = 0;
   if (count > TCP_MAX_LABELS)
     return tcp_fail(reader, TC_ERROR_LIMIT, "at most %d labels are wanted, got %d", TCP_MAX_LABELS, count);
-  uint32_t *visible = g_new0(uint32_t, count ? count : 1); /* an empty list shows none; NULL would show all */
+  uint32_t *visible = g_new0(uint32_t, count ? count : 1); /* an empty list shows no label; NULL would show all */
   tc_scene_set_visible(reader->scene, visible, (size_t)count);
   for (const cJSON *item = value->child; item; item = item->next, i++) {
     double number;

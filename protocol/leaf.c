@@ -1,10 +1,10 @@
-/* Plain members: numbers, flags, names, vectors and short texts, between JSON and a field of a struct. */
+/* Plain members: numbers, booleans, names, vectors and short texts, between JSON and a field of a struct. */
 #include <math.h>
 #include <string.h>
 
 #include "protocol/internal.h"
 
-G_STATIC_ASSERT(sizeof(tc_mode) == sizeof(int)); /* a name's field is read and written as an int */
+G_STATIC_ASSERT(sizeof(tc_mode) == sizeof(int)); /* the field of a TCP_NAME member is accessed as an int */
 
 static bool too_low(const tcp_member *m, double v) { return m->flags & TCP_ABOVE ? !(v > m->min) : !(v >= m->min); }
 static bool too_high(const tcp_member *m, double v) { return m->flags & TCP_BELOW ? !(v < m->max) : !(v <= m->max); }

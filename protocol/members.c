@@ -1,4 +1,4 @@
-/* The one table of scene members. A member is added here (and its field in renderer/scene/scene.h), nowhere else. */
+/* The table of scene members. A new member is added here and as a field in renderer/scene/scene.h, nowhere else. */
 #include "protocol/internal.h"
 
 static const char *const formats[] = {"jpeg", "png", NULL};

@@ -4,13 +4,13 @@
 
 #include "protocol/internal.h"
 
-/* Largest whole number a double, hence JSON in a browser, holds exactly. */
+/* Largest integer up to which a double, and so JSON in a browser, is exact. */
 #define MAX_COUNTER 9007199254740992.0
 
 static const char *const type_names[] = {"patch", "ack", "pointer", "ping", "size", "cancel", NULL};
 G_STATIC_ASSERT(G_N_ELEMENTS(type_names) == TCP_MESSAGE_TYPE_COUNT + 1);
 
-/* Members of each type beside "type"; all of them are needed, and a cancel has none. */
+/* Required members of each message type, besides "type". */
 static const char *const members[TCP_MESSAGE_TYPE_COUNT][3] = {[TCP_PATCH] = {"seq", "scene"},
                                                                [TCP_ACK] = {"frame"},
                                                                [TCP_POINTER] = {"phase"},
@@ -120,7 +120,7 @@ bool tcp_message_parse(const char *bytes, size_t size, tcp_message *message, GEr
   if (!object) return false;
   bool good = read_message(object, message, error);
   if (!good) {
-    /* an answer names the patch it is about, even one that is wrong elsewhere */
+    /* an error reply names its patch, even if another member is invalid */
     uint64_t seq = 0;
     tcp_message_clear(message);
     if (read_counter(object, "seq", &seq, NULL)) message->seq = seq;
@@ -136,7 +136,7 @@ void tcp_message_clear(tcp_message *message) {
 
 /* --- frame header ------------------------------------------------------------------------------- */
 
-/* Microseconds are enough, and %.17g of a measured time is mostly noise on the wire. */
+/* Rounded to microseconds: %.17g of a measured time is mostly noise. */
 static cJSON *milliseconds(double ms) { return cJSON_CreateNumber(isfinite(ms) ? round(ms * 1e3) / 1e3 : 0); }
 
 static cJSON *timing(const tcp_frame_header *header) {

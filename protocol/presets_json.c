@@ -1,14 +1,14 @@
 /* The presets as a document for menus. */
 #include "protocol/internal.h"
 
-/* The writer of scenes writes a preset's points too: what a client gets here it may send back. */
+/* Uses the scene writer, so that a client can send the points back. */
 static cJSON *write_points(const tc_preset *preset) {
   tc_scene scene = {
       .transfer_function = {.points = (tc_knot *)preset->points, .count = preset->count, .kind = preset->kind}};
   return tcp_special_points.write(NULL, &scene);
 }
 
-/* A scene's member of the name: what choosing the preset makes of the light. */
+/* The member "shading" that selecting the preset sets. */
 static cJSON *write_shading(const tc_preset *preset) {
   if (!preset->lit) return cJSON_Parse("{\"model\":\"none\"}");
   tc_scene scene;

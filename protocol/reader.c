@@ -1,10 +1,10 @@
-/* Where a reader is in a document, and what it says when something is wrong there. */
+/* Position in a document, and error messages. */
 #include <stdarg.h>
 #include <string.h>
 
 #include "protocol/internal.h"
 
-/* Longest piece of client text a message repeats, and longest name worth comparing with known ones. */
+/* Limits on quoted client text, and on names compared with known ones. */
 #define QUOTE_CHARACTERS 40
 #define NAME_BYTES 48
 
@@ -45,7 +45,7 @@ char *tcp_quote(const char *text) {
   return g_string_free(out, FALSE);
 }
 
-/* "/transferFunction/points/3/value" reads "transferFunction.points[3].value". */
+/* "/transferFunction/points/3/value" becomes "transferFunction.points[3].value". */
 static char *dotted_path(const char *pointer) {
   GString *path = g_string_new(NULL);
   char **segments = g_strsplit(*pointer ? pointer + 1 : "", "/", -1);
@@ -57,7 +57,7 @@ static char *dotted_path(const char *pointer) {
       g_string_append_printf(path, "%s%s", path->len ? "." : "", *s);
   }
   g_strfreev(segments);
-  char *quoted = tcp_quote(path->str); /* a client's member name may be in it */
+  char *quoted = tcp_quote(path->str); /* it may contain a member name from the client */
   char *plain = g_strndup(quoted + 1, strlen(quoted) - 2);
   g_free(quoted);
   g_string_free(path, TRUE);
@@ -104,7 +104,7 @@ bool tcp_fail_type(tcp_reader *reader, const char *what, const cJSON *value) {
 
 static int least(int a, int b) { return a < b ? a : b; }
 
-/* Edits (insert, delete, replace, swap of neighbours; case is free) that turn a into b: optimal string alignment. */
+/* Edit distance (insert, delete, replace, swap of neighbours; case ignored): optimal string alignment. */
 static int distance(const char *a, const char *b) {
   int la = (int)strlen(a), lb = (int)strlen(b), rows[3][NAME_BYTES + 1];
   int *before = rows[0], *last = rows[1], *now = rows[2];
@@ -125,7 +125,7 @@ static int distance(const char *a, const char *b) {
   return last[lb];
 }
 
-/* max_error and maxError are one word. */
+/* Removes separators, so that max_error matches maxError. */
 static void squeeze(const char *from, char *to) {
   for (; *from; from++)
     if (*from != '_' && *from != '-') *to++ = *from;

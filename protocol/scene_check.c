@@ -1,4 +1,4 @@
-/* What must hold between the members of a complete scene. */
+/* Constraints between the members of a complete scene. */
 #include <string.h>
 
 #include "protocol/internal.h"
@@ -8,7 +8,7 @@ static bool patch_has(const cJSON *patch, const char *group, const char *name) {
   return cJSON_GetObjectItemCaseSensitive(cJSON_GetObjectItemCaseSensitive(patch, group), name) != NULL;
 }
 
-/* Of two members at fault together, the one that the patch brought. */
+/* If two members conflict, blames the one in the patch. */
 static bool check_camera(const tc_camera *camera, const cJSON *patch, GError **error) {
   const char *pointer, *fault = tc_camera_fault(camera, &pointer);
   if (!fault) return true;

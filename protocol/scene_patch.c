@@ -1,4 +1,4 @@
-/* Documents into scenes: walks the table of members, reading what a patch holds. */
+/* Applies documents to scenes: walks the table of members and reads those in the patch. */
 #include <math.h>
 #include <string.h>
 
@@ -25,7 +25,7 @@ static bool read_member(tcp_reader *reader, const tcp_member *member, const cJSO
   return good;
 }
 
-/* Names a document may use at one level: members of `group`, and at the top the groups as well. */
+/* Names allowed at one level: members of `group`, and at the top level the groups too. */
 static GPtrArray *known_names(const char *group) {
   GPtrArray *names = g_ptr_array_new();
   for (size_t i = 0; i < tcp_member_count; i++)
@@ -41,7 +41,7 @@ static bool is_known(GPtrArray *names, const char *name) {
   return false;
 }
 
-/* "width" at the top is meant as "image.width". NULL when no group has such a member. */
+/* Suggests "image.width" for "width" at the top level. NULL: no group has such a member. */
 static char *hint_of_group(const char *name) {
   for (size_t i = 0; i < tcp_member_count; i++)
     if (*tcp_members[i].group && strcmp(tcp_members[i].name, name) == 0)
@@ -64,7 +64,7 @@ static bool check_names(tcp_reader *reader, const cJSON *object, const char *gro
   return item == NULL;
 }
 
-/* Reads members in the order of the table, not of the document: a preset before the points that change it. */
+/* Reads members in the order of the table, not of the document: a preset before the points that replace its own. */
 static bool read_members(tcp_reader *reader, const cJSON *object, const char *group) {
   for (size_t i = 0; i < tcp_member_count; i++) {
     if (!in_group(&tcp_members[i], group)) continue;
@@ -115,7 +115,7 @@ bool tcp_scene_patch(tc_scene *scene, const cJSON *patch, const tc_scene *defaul
                        .error = error};
   bool good = read_scene(&reader, patch) && tcp_scene_check(&next, patch, error);
   if (good) {
-    tc_scene_share(&next); /* copies of it will be many */
+    tc_scene_share(&next); /* it will be copied often */
     tc_scene_clear(scene);
     *scene = next;
   } else {
@@ -125,7 +125,7 @@ bool tcp_scene_patch(tc_scene *scene, const cJSON *patch, const tc_scene *defaul
   return good;
 }
 
-/* A list (or object) that is there, as its own member reads it. */
+/* Reads one list (or object), if present, by its member's reader. */
 static bool read_list(tcp_reader *reader, const cJSON *document, const char *group, const char *name,
                       const tcp_special *special, const cJSON **node) {
   const cJSON *value = cJSON_GetObjectItemCaseSensitive(cJSON_GetObjectItemCaseSensitive(document, group), name);
@@ -175,7 +175,7 @@ void tcp_scene_light(tc_scene *scene, const cJSON *document) {
 
 #define MAX_KEY_SEGMENTS 8
 
-/* JSON where the text is JSON, else the text itself: mode=mip needs no quotes. */
+/* The value as JSON if it is JSON, else as text, so that mode=mip needs no quotes. */
 static cJSON *parse_value(const char *key, const char *text, GError **error) {
   char *end;
   const char *digits = text + (*text == '-');
@@ -185,7 +185,7 @@ static cJSON *parse_value(const char *key, const char *text, GError **error) {
   }
   cJSON *value = tcp_json_parse(text, strlen(text), NULL);
   if (value) return value;
-  /* what starts like JSON was meant as JSON: say what is wrong instead of taking "[1,2" for a word */
+  /* text that starts like JSON is meant as JSON: report its error instead of taking "[1,2" as a word */
   if (strchr("[{\"", *text) && *text) return tcp_json_parse(text, strlen(text), error);
   if (!g_utf8_validate(text, -1, NULL)) {
     tc_set_error(error, TC_ERROR_SYNTAX, NULL, "the value is not valid UTF-8");

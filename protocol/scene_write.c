@@ -1,4 +1,4 @@
-/* Scenes into documents, by the same table that reads them. */
+/* Writes scenes as documents, by the table that drives the reader. */
 #include <string.h>
 
 #include "protocol/internal.h"
@@ -11,7 +11,7 @@ static cJSON *write_member(const tcp_member *member, const tc_scene *scene) {
   return member->special ? member->special->write(member, scene) : tcp_leaf_write(member, scene);
 }
 
-/* NULL: none of its members has a meaning now. */
+/* NULL: none of the group's members has a meaning in this scene. */
 static cJSON *write_group(const char *group, const tc_scene *scene) {
   cJSON *object = cJSON_CreateObject();
   for (size_t i = 0; i < tcp_member_count; i++)
@@ -22,7 +22,7 @@ static cJSON *write_group(const char *group, const tc_scene *scene) {
   return NULL;
 }
 
-/* In the order of the table: a group appears where its first member stands. */
+/* In the order of the table: a group is written at the place of its first member. */
 cJSON *tcp_scene_write(const tc_scene *scene) {
   cJSON *document = cJSON_CreateObject();
   for (size_t i = 0; i < tcp_member_count; i++) {
@@ -41,7 +41,7 @@ cJSON *tcp_scene_write(const tc_scene *scene) {
 #define ALL (MODE(TC_MODE_COUNT) - 1)
 
 static const struct {
-  const char *group, *name; /* NULL: all of the group */
+  const char *group, *name; /* NULL: the whole group */
   unsigned modes;
 } shown[] = {
     {"image", "background", ALL},

@@ -66,7 +66,7 @@ cJSON *tcp_leaf_schema(const tcp_member *member) {
   return schema;
 }
 
-/* What tc_scene_init() gives, where it does not depend on a volume. */
+/* The default of tc_scene_init(), unless it depends on the volume. */
 static void add_default(cJSON *schema, const tcp_member *member, const tc_scene *scene) {
   if (member->flags & TCP_FITTED) return;
   tcp_add(schema, "default", member->special ? member->special->write(member, scene) : tcp_leaf_write(member, scene));

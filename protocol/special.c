@@ -1,4 +1,4 @@
-/* Members that are more than one field: a word or a colour, lists, optional parts. */
+/* Special members: those that are not one field: a word or a colour, lists, optional parts. */
 #include <string.h>
 
 #include "protocol/internal.h"
@@ -176,7 +176,7 @@ const tcp_special tcp_special_mpr_center = {read_center, write_center, reset_cen
 
 /* --- quality ------------------------------------------------------------------------------------ */
 
-/* One bound at a time: setting one clears the other; setting both at once is a contradiction. */
+/* One bound at a time: setting one clears the other, and setting both is an error. */
 static bool read_quality(tcp_reader *reader, const tcp_member *member, const cJSON *value) {
   bool is_error = member->offset == offsetof(tc_scene, quality.max_error);
   double bound;
@@ -204,7 +204,7 @@ const tcp_special tcp_special_quality = {read_quality, write_quality, reset_qual
 
 /* --- labels.force -------------------------------------------------------------------------------- */
 
-/* It speaks to whoever checks the document, and leaves nothing in the scene. */
+/* Only read by checks of the document (tcs_scene_check()); nothing is stored in the scene. */
 static bool read_force(tcp_reader *reader, const tcp_member *member, const cJSON *value) {
   return cJSON_IsBool(value) || tcp_fail(reader, TC_ERROR_INVALID, "true or false is wanted");
 }

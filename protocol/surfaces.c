@@ -1,11 +1,11 @@
-/* mesh.surfaces and mesh.lights: lists that are replaced as a whole. */
+/* mesh.surfaces and mesh.lights: lists replaced as a whole. */
 #include <string.h>
 
 #include "protocol/internal.h"
 
 enum { VALUE, LABEL, MESH, PLANE, SOURCES, COLOR = SOURCES, OPACITY, VISIBLE, TWO_SIDED, MODEL, SURFACE_MEMBERS = MODEL + 5 };
 G_STATIC_ASSERT(G_N_ELEMENTS(tcp_surface_members) == SURFACE_MEMBERS);
-G_STATIC_ASSERT((int)SOURCES == TC_SURFACE_SOURCE_COUNT); /* sources are numbered alike */
+G_STATIC_ASSERT((int)SOURCES == TC_SURFACE_SOURCE_COUNT); /* both enums have the same order */
 
 static bool read_surface(tcp_reader *reader, const cJSON *object, tc_mesh_surface *surface) {
   unsigned seen = 0;

@@ -17,8 +17,8 @@ bool tcs_admit_host(tcs_request *request) {
   return false;
 }
 
-/* What a browser says of a request without an Origin (pictures, scripts, links): a page of this origin made it, or the
- * user typed the address. Others than browsers do not say. */
+/* Requests without an Origin (images, scripts, links): Sec-Fetch-Site tells whether a page of this origin made them, or
+ * the user typed the address. Clients other than browsers do not send it. */
 static bool fetched_from_here(const tcs_request *request) {
   const char *site = tcs_header(request, "Sec-Fetch-Site");
   return !site || strcmp(site, "same-origin") == 0 || strcmp(site, "none") == 0;
@@ -36,7 +36,7 @@ bool tcs_admit_origin(tcs_request *request) {
   return false;
 }
 
-/* Everything of one session: what a link opens, and where a ticket may stand in for a token. */
+/* Routes of one session: the only ones open to a share link, and the only ones that accept a ticket. */
 static bool is_of_session(const tcs_route *route) { return g_str_has_prefix(route->pattern, "/v1/sessions/{id}"); }
 
 static bool refuse_stranger(tcs_request *request, bool presented) {

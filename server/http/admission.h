@@ -1,19 +1,20 @@
-/* The first checks of a request: is it meant for this server, and who is asking? Also the headers that every reply
- * carries. I/O thread only. */
+/* Admission: the first checks of a request (host, origin, caller) and the security headers of every reply. I/O thread
+ * only. */
 #ifndef TCS_HTTP_ADMISSION_H
 #define TCS_HTTP_ADMISSION_H
 
 #include "server/http/http.h"
 
-/* False: replied 421: Host is no name of this server. (That there is one Host, one Origin and one Authorization is seen
- * to by head.h.) HTTP/1.0 may leave it out: no browser does, and others than browsers could as well send a right one.
- * Before the route is known: there is nothing at all here for others. */
+/* Checks the Host header. False: replied 421, since this server does not answer to that name. HTTP/1.0 requests may
+ * omit the header: browsers never do, and other clients could send a correct one. (head.h ensures that there is at most
+ * one Host, Origin and Authorization.) Call before a reply can reveal whether the path exists. */
 bool tcs_admit_host(tcs_request *request);
-/* False: replied 403: a page of another origin asks. */
+/* Checks the Origin. False: replied 403 to a page of another origin. */
 bool tcs_admit_origin(tcs_request *request);
-/* Who asks, into request->caller. False: replied 401 (nobody we know) or 403 (too small a role). */
+/* Identifies the caller into request->caller. False: replied 401 (unknown), 403 (role too low) or 429 (lockout). */
 bool tcs_admit_caller(tcs_request *request);
-/* What keeps a reply from being read, framed, kept or guessed at by others; once, when the reply is complete. */
+/* Adds the headers that protect a reply from being read, framed, cached or sniffed by others. Once, when the reply is
+ * complete. */
 void tcs_shield(tcs_request *request);
 
 #endif

@@ -1,4 +1,4 @@
-/* Tickets for what cannot send a token, and links to one session. */
+/* Tickets for clients that cannot send a token, and share links to one session. */
 #include <stdio.h>
 
 #include "server/access/access.h"
@@ -6,8 +6,8 @@
 #include "server/http/work.h"
 #include "server/session/sessions.h"
 
-#define SHARE_S 86400        /* a link's life where nobody says */
-#define SHARE_MOST_S 2592000 /* and at most */
+#define SHARE_S 86400        /* default lifetime of a link */
+#define SHARE_MOST_S 2592000 /* longest lifetime */
 
 static void no_session(tcs_request *request) {
   tcs_reply_problem(request, 404, "not-found", "No such thing", "there is no such session; it may have ended");
@@ -37,7 +37,7 @@ static void post_ticket(tcs_request *request, cJSON *body, const tcp_lists *list
 
 void tcs_post_tickets(tcs_request *request) { tcs_read_body(request, NULL, post_ticket); }
 
-/* How long the link is to live and what its holder may do. False: replied. */
+/* Parses the lifetime and role of a link. False: replied. */
 static bool read_share(tcs_request *request, const cJSON *body, tcs_role *role, int64_t *seconds) {
   static const char *const names[] = {"role", "seconds", NULL};
   const char *name;

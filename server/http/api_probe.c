@@ -1,4 +1,4 @@
-/* Questions about one pixel: the verbose ray and the pick. Both ask the reference integrator, off the render thread. */
+/* Queries of one pixel: ray record and pick. Both use the reference integrator, off the render thread. */
 #include <string.h>
 
 #include "renderer/reference/reference.h"
@@ -10,21 +10,21 @@
 #include "server/http/work.h"
 #include "server/session/sessions.h"
 
-/* A ray shows something once this much of what lies behind it is hidden: thinner haze is looked through. */
+/* A pick hits where the ray's opacity reaches this value; thinner haze is passed through. */
 #define VISIBLE_OPACITY 0.05
 
-/* Probes that may wait: of one session, and of all. */
+/* Limits on waiting probes: per session, and in all. */
 #define SESSION_PROBES 16
 #define MOST_PROBES 64
 
 typedef struct probe {
   tcs_work work;
   tcs_server *server;
-  char session[40];           /* its id: it may end while the probe waits */
-  tc_volume *volume, *labels; /* labels: or NULL */
+  char session[40];           /* the id, since the session may end while the probe waits */
+  tc_volume *volume, *labels; /* labels may be NULL */
   tc_scene scene;
   int x, y;
-  cJSON *surface; /* of a pick: what is drawn in the volume, so far from the eye; or NULL */
+  cJSON *surface; /* of a pick: the hit of the drawn surface, at this distance; or NULL */
   double surface_mm;
 } probe;
 
@@ -38,7 +38,7 @@ static void free_probe(tcs_work *work) {
   tc_volume_unref(p->labels);
 }
 
-/* Of the query, in a picture of the query's size or the scene's. False: replied. */
+/* Parses the pixel from the query, for a picture of the query's size or the scene's. False: replied. */
 static bool read_pixel(tcs_request *request, const tcs_session *session, tcs_pixel *at) {
   const tcs_limits *limits = &request->server->config->limits;
   *at = (tcs_pixel){.width = session->scene.image.width, .height = session->scene.image.height};
@@ -53,7 +53,7 @@ static bool read_pixel(tcs_request *request, const tcs_session *session, tcs_pix
          tcs_query_int(request, "y", 0, at->height - 1, &at->y);
 }
 
-/* surface: taken; so far from the eye. NULL: none. */
+/* surface: taken, at distance surface_mm; NULL: none. */
 static void start_probe(tcs_request *request, tcs_session *session, void (*run)(tcs_work *work), cJSON *surface,
                         double surface_mm) {
   tcs_pixel at;
@@ -74,7 +74,7 @@ static void start_probe(tcs_request *request, tcs_session *session, void (*run)(
   tcs_work_start(request, request->server->probe_worker, &p->work, many ? 0 : MOST_PROBES);
 }
 
-/* The ray through the pixel's centre; NULL with the error set. */
+/* Traces the ray through the pixel's centre; NULL with the error set. */
 static tc_reference *trace(probe *p, tc_reference_sample **samples, size_t *count) {
   const tc_reference_request of = {.volume = p->volume,
                                    .labels = p->labels,
@@ -92,7 +92,7 @@ static void run_ray(tcs_work *work) {
   work->text = tcs_ray_json(p->volume, p->labels, &p->scene, (int[]){p->x, p->y}, &work->cancel, &work->error);
 }
 
-/* The first piece behind which VISIBLE_OPACITY is reached; in thinner haze the first piece that shows at all. */
+/* The first piece behind which the opacity reaches VISIBLE_OPACITY; if none, the first piece with any opacity. */
 static const tc_reference_sample *first_visible(const tc_reference_sample *samples, size_t count) {
   const tc_reference_sample *haze = NULL;
   for (size_t i = 0; i < count; i++) {
@@ -102,8 +102,8 @@ static const tc_reference_sample *first_visible(const tc_reference_sample *sampl
   return haze;
 }
 
-/* What a projection shows: the end of a piece (all are monotone) with the largest value in mip, the smallest in minip;
- * the ray's entry in average, where all of the ray counts alike. */
+/* The sample that a projection shows: the largest value for mip, the smallest for minip, at the end of a piece since
+ * pieces are monotone; for average, where the whole ray contributes, the ray's entry. */
 static const tc_reference_sample *shown(tc_mode mode, tc_reference_sample *samples, size_t count) {
   if (count == 0 || mode == TC_MODE_AVERAGE) return samples;
   double sign = mode == TC_MODE_MIP ? 1 : -1;
@@ -112,7 +112,7 @@ static const tc_reference_sample *shown(tc_mode mode, tc_reference_sample *sampl
     if (sign * samples[i].value > sign * samples[best].value) best = i;
   tc_reference_sample *first = samples, *last = samples + count - 1;
   if (sign * last->value_back <= sign * samples[best].value || count == 1) return samples + best;
-  for (int k = 0; k < 3; k++) /* the ray's end: on by the last piece's length */
+  for (int k = 0; k < 3; k++) /* extrapolated to the end of the ray */
     last->position[k] +=
         (last->position[k] - first->position[k]) / (last->distance_mm - first->distance_mm) * last->length_mm;
   last->distance_mm += last->length_mm;
@@ -120,7 +120,7 @@ static const tc_reference_sample *shown(tc_mode mode, tc_reference_sample *sampl
   return last;
 }
 
-/* The surface's first hit, as the piece that begins there. */
+/* The first hit of the isosurface, as a sample. */
 static const tc_reference_sample *surface_of(const probe *p, const tc_reference *r, tc_reference_sample *at) {
   tc_reference_hit hit;
   if (!tc_reference_surface(r, p->x + 0.5, p->y + 0.5, &hit)) return NULL;
@@ -129,7 +129,7 @@ static const tc_reference_sample *surface_of(const probe *p, const tc_reference 
   return at;
 }
 
-/* hit NULL: nothing is visible there. */
+/* hit NULL: nothing visible. */
 static cJSON *pick_json(const tc_reference_sample *hit) {
   cJSON *json = cJSON_CreateObject();
   if (hit) {
@@ -144,7 +144,7 @@ static cJSON *pick_json(const tc_reference_sample *hit) {
   return json;
 }
 
-/* A voxel's record: a normal as its vector (LPS), all else as the numbers that are stored. */
+/* The attributes of a voxel: normals as vectors (LPS), others as their stored numbers. */
 static cJSON *attributes_json(const tc_vmd *model, const int at[3]) {
   cJSON *json = cJSON_CreateObject();
   const uint8_t *record = tc_vmd_voxel(model, at[0], at[1], at[2]);
@@ -161,7 +161,7 @@ static cJSON *attributes_json(const tc_vmd *model, const int at[3]) {
   return json;
 }
 
-/* In mode splat: the voxel. Nothing integrates there, so nobody asks the reference. */
+/* Picks the voxel in mode splat, which has no reference integrator. */
 static cJSON *voxel_json(const probe *p) {
   tc_splat_hit hit;
   const tc_volume *labels = p->scene.labels.volume[0] ? p->labels : NULL;
@@ -182,7 +182,7 @@ static cJSON *voxel_json(const probe *p) {
 
 static void run_pick(tcs_work *work) {
   probe *p = (probe *)work;
-  if (p->scene.mode != TC_MODE_MESH) tc_scene_set_surfaces(&p->scene, NULL, 0); /* they were asked */
+  if (p->scene.mode != TC_MODE_MESH) tc_scene_set_surfaces(&p->scene, NULL, 0); /* they were picked before */
   if (p->scene.mode == TC_MODE_SPLAT) {
     work->text = tcs_json_text(voxel_json(p));
     return;
@@ -193,7 +193,7 @@ static void run_pick(tcs_work *work) {
   if (!r) return;
   tc_mode mode = p->scene.mode;
   bool projection = mode == TC_MODE_MIP || mode == TC_MODE_MINIP || mode == TC_MODE_AVERAGE;
-  bool is_surface = mode == TC_MODE_ISOSURFACE || mode == TC_MODE_MESH; /* the field's own, however it is drawn */
+  bool is_surface = mode == TC_MODE_ISOSURFACE || mode == TC_MODE_MESH; /* the field's isosurface, however drawn */
   tc_reference_sample surface;
   const tc_reference_sample *hit = projection   ? shown(mode, samples, count)
                                    : is_surface ? surface_of(p, r, &surface)
@@ -209,7 +209,7 @@ void tcs_get_ray(tcs_request *request) {
   if (session) start_probe(request, session, run_ray, NULL, 0);
 }
 
-/* Surfaces of a list and of labels have no reference: the drawn ones are asked. */
+/* Whether drawn surfaces must be picked first: the reference does not know surface lists and label surfaces. */
 static bool asks_surfaces(const tc_scene *scene) {
   const bool within = scene->mesh.with_volume && (scene->mode == TC_MODE_DVR || scene->mode == TC_MODE_MIP);
   return (within && scene->mesh.n_surfaces) ||

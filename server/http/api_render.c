@@ -1,4 +1,5 @@
-/* Single pictures: POST /v1/render, a session's frame, a session's plan. The request waits while its job runs. */
+/* Single pictures: POST /v1/render, and a session's frame, plan and thumbnail. The request is deferred while its job
+ * runs. */
 #include <limits.h>
 #include <math.h>
 #include <string.h>
@@ -17,7 +18,7 @@ static void leave_job(tcs_request *request) {
   tcs_job_cancel(job);
 }
 
-/* session: whose frame or plan it is, or NULL. */
+/* session: the owner of the frame or plan, or NULL. */
 static void submit(tcs_request *request, tcs_job *job, const tcs_session *session, void (*finished)(tcs_job *job)) {
   GError *error = NULL;
   job->finished = finished;
@@ -59,7 +60,7 @@ static void finished_picture(tcs_job *job) {
   if (session) tcs_session_still(session, job);
 }
 
-/* Checks the scene as it will be rendered, then queues it. session: whose it is, or NULL; others have no meter. */
+/* Checks the scene as it will be rendered, then queues it. session: the owner, or NULL; only sessions have a meter. */
 static void render(tcs_request *request, const tcs_entry *entry, const tc_scene *scene, const tcs_session *session) {
   GError *error = NULL;
   tc_volume *labels;
@@ -81,7 +82,7 @@ static void render(tcs_request *request, const tcs_entry *entry, const tc_scene 
   submit(request, job, NULL, finished_picture);
 }
 
-/* Leaves *format where no name is given. */
+/* name NULL: keeps *format. */
 static bool read_format(tcs_request *request, const char *name, tc_image_format *format) {
   if (!name) return true;
   if (strcmp(name, "jpeg") == 0 || strcmp(name, "jpg") == 0)
@@ -106,7 +107,7 @@ static bool set_quality(tcs_request *request, const cJSON *item, tc_scene *scene
   return true;
 }
 
-/* The object under a name, made where it is absent or null; NULL where something else is there. */
+/* The object `name` of `parent`, created if absent or null; NULL if the member is not an object. */
 static cJSON *object_in(cJSON *parent, const char *name) {
   cJSON *item = cJSON_GetObjectItemCaseSensitive(parent, name);
   if (item && !cJSON_IsNull(item)) return cJSON_IsObject(item) ? item : NULL;
@@ -114,8 +115,8 @@ static cJSON *object_in(cJSON *parent, const char *name) {
   return cJSON_AddObjectToObject(parent, name);
 }
 
-/* The body's format goes into its scene before that is read, for "transparent" asks what the picture's format is.
- * A scene or image that is no object is left for the scene's reader to refuse. */
+/* Sets the format in the scene before the scene is parsed, since "transparent" depends on it. A scene or image that is
+ * not an object is left for the parser to refuse. */
 static void format_into_scene(cJSON *body, tc_image_format format) {
   cJSON *scene = object_in(body, "scene");
   cJSON *image = scene ? object_in(scene, "image") : NULL;
@@ -157,7 +158,7 @@ void tcs_get_frame(tcs_request *request) {
   tc_scene_copy(&scene, &session->scene);
   if (read_format(request, tcs_query(request, "format"), &scene.image.format) &&
       tcs_query_int(request, "quality", 1, 100, &scene.image.quality) &&
-      tcs_query_int(request, "width", 1, INT_MAX, &scene.image.width) && /* over a limit: the scene's check says so */
+      tcs_query_int(request, "width", 1, INT_MAX, &scene.image.width) && /* limits are checked with the scene */
       tcs_query_int(request, "height", 1, INT_MAX, &scene.image.height))
     render(request, session->entry, &scene, session);
   tc_scene_clear(&scene);
@@ -172,7 +173,7 @@ static void reply_thumbnail(tcs_request *request, GBytes *image) {
   tcs_reply_bytes(request, 200, tcs_encode_content_type(TC_FORMAT_JPEG), g_bytes_ref(image));
 }
 
-/* Its volume may have gone meanwhile, and another one have its id. */
+/* The volume may have been removed meanwhile, and its id reused. */
 static void finished_thumbnail(tcs_job *job) {
   tcs_request *request = job->user;
   tcs_entry *entry = request ? tcs_catalogue_find(job->server->catalogue, TCS_KIND_VOLUME, request->params[0]) : NULL;
@@ -186,7 +187,8 @@ static void finished_thumbnail(tcs_job *job) {
   reply_thumbnail(request, job->image);
 }
 
-/* Made when first asked for, of what a session opens with, and kept with the volume. To look at it is not to use it. */
+/* Renders the default scene on first request and caches the picture with the volume. Does not count as a use of the
+ * volume. */
 void tcs_get_thumbnail(tcs_request *request) {
   const char *id = request->params[0];
   tcs_entry *entry = tcs_entry_visible(request, TCS_KIND_VOLUME, id)
@@ -207,7 +209,7 @@ void tcs_get_thumbnail(tcs_request *request) {
 
 /* --- the plan -------------------------------------------------------------------------------------- */
 
-/* What the object would cost in each of the modes that draw it. */
+/* Estimated cost of the object in each mode that can draw it. */
 static cJSON *object_json(const tc_object_cost *cost) {
   cJSON *json = cJSON_CreateObject();
   cJSON_AddStringToObject(json, "cheapest", tc_mode_names[tc_object_mode_of(cost->cheapest)]);

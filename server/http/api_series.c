@@ -1,15 +1,15 @@
-/* The DICOM series of a file or folder, listed without loading any. */
+/* Lists the DICOM series of a file or folder without loading them. */
 #include "server/catalogue/catalogue.h"
 #include "server/config/config.h"
 #include "server/http/work.h"
 #include "server/memory/budget.h"
 
-#define MOST_LOOKS 64 /* that may wait */
+#define MOST_LOOKS 64 /* limit on waiting requests */
 
 typedef struct look {
   tcs_work work;
   tcs_budget *budget;
-  uint64_t held; /* of the decoder */
+  uint64_t held; /* counted for the decoder */
   tcs_source_file source;
   bool patient;
 } look;
@@ -35,7 +35,7 @@ static void run_look(tcs_work *work) {
     cJSON *json = cJSON_CreateObject();
     cJSON_AddItemToObject(json, "series", tcs_describe_series(series, count));
     work->text = tcs_json_text(json);
-  } else { /* the client knows the path by another name */
+  } else { /* the message names the server's path, unknown to the client */
     const tc_error_code code = (tc_error_code)work->error->code;
     g_clear_error(&work->error);
     tc_set_error(&work->error, code, "/path", "the series there cannot be listed; load it to learn why");

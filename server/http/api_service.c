@@ -1,4 +1,4 @@
-/* The service about itself: health, metrics, limits, contract, presets, and the browser client. */
+/* The service's own data: health, metrics, limits, contract, presets, and the browser client. */
 #include <string.h>
 
 #include "renderer/base/embedded.h"
@@ -87,7 +87,7 @@ void tcs_get_openapi(tcs_request *request) { reply_document(request, TCS_DOCUMEN
 void tcs_get_scene_schema(tcs_request *request) { reply_document(request, TCS_DOCUMENT_SCENE_SCHEMA); }
 void tcs_get_presets(tcs_request *request) { reply_document(request, TCS_DOCUMENT_PRESETS); }
 
-/* --- static files: from a table in the program, never from the file system -------------------------- */
+/* --- static files: from a table in the program, not from the file system ---------------------------- */
 
 static const char *type_of(const char *name) {
   static const char *const types[][2] = {{".html", "text/html; charset=utf-8"},
@@ -99,7 +99,8 @@ static const char *type_of(const char *name) {
   return "application/octet-stream";
 }
 
-/* "main.js" of "main.2fb19c8a2c64.js": who knows only the plain name gets the file that has it now. */
+/* Whether `asked` is the name without the hash, such as "main.js" for "main.2fb19c8a2c64.js"; serves the current file.
+ *  */
 static bool is_plain_name(const char *asked, const char *name) {
   const char *dot = strchr(name, '.'), *end = strrchr(name, '.');
   const size_t stem = (size_t)(dot - name);
@@ -116,7 +117,7 @@ static const struct tc_embedded_file *find_file(const char *asked, bool *kept_fo
   return NULL;
 }
 
-/* The same packed: deploy/bundle.cmake puts it beside. */
+/* The gzip variant of a file, made by deploy/bundle.cmake. */
 static const struct tc_embedded_file *packed(const struct tc_embedded_file *file) {
   const size_t length = strlen(file->name);
   for (const struct tc_embedded_file *other = tc_web_files; other->name; other++)
@@ -133,7 +134,7 @@ static char *etag_of(const struct tc_embedded_file *file) {
 
 static void reply_file(tcs_request *request, const struct tc_embedded_file *plain, bool kept_for_good) {
   const bool may_pack =
-      tcs_token_in(tcs_header(request, "Accept-Encoding"), "gzip", true); /* with a weight: not packed */
+      tcs_token_in(tcs_header(request, "Accept-Encoding"), "gzip", true); /* a weight (q=) means no match: not packed */
   const struct tc_embedded_file *file = may_pack ? packed(plain) : plain;
   char *etag = etag_of(file);
   if (tcs_etag_listed(tcs_header(request, "If-None-Match"), etag)) {
@@ -147,7 +148,7 @@ static void reply_file(tcs_request *request, const struct tc_embedded_file *plai
   }
   tcs_reply_header(request, "ETag", etag);
   tcs_reply_header(request, "Vary", "Accept-Encoding");
-  /* no-cache: keep, but ask; the answer is a 304 */
+  /* no-cache: may be stored, but must be revalidated (304) */
   tcs_reply_header(request, "Cache-Control", kept_for_good ? "public, max-age=31536000, immutable" : "no-cache");
   g_free(etag);
 }

@@ -1,4 +1,4 @@
-/* Sessions and their scenes over HTTP, and the hand-over to WebSocket. */
+/* Sessions and their scenes over HTTP, and the upgrade to WebSocket. */
 #include <string.h>
 
 #include "server/access/audit.h"
@@ -10,8 +10,8 @@
 #include "server/session/sessions.h"
 #include "server/ws/handshake.h"
 
-#define FEW_SESSIONS 16 /* a longer list is written by a worker */
-#define MOST_LISTS 64   /* that may wait */
+#define FEW_SESSIONS 16 /* a longer list is printed by a worker */
+#define MOST_LISTS 64   /* limit on waiting lists */
 
 static void etag_of(const tcs_session *session, char etag[32]) {
   g_snprintf(etag, 32, "\"%" PRIu64 "\"", session->revision);
@@ -23,13 +23,13 @@ static void add_link(cJSON *links, const char *name, const char *id, const char 
   g_free(path);
 }
 
-/* What is told of a session beside its scene: plain values, for a list that another thread writes. */
+/* A copy of a session's properties except the scene, to be described on another thread. */
 typedef struct row {
   char id[TCS_SESSION_SIZE], volume[sizeof((tcs_entry *)0)->id], etag[32];
   guint viewers;
   int64_t idle_us;
   double render_ms;
-  tcp_frame_header judged; /* zeros: nothing is known */
+  tcp_frame_header judged; /* zeros: not measured */
   tcs_building building;
   char unmeasured[sizeof((tcs_picture *)0)->unmeasured];
 } row;
@@ -60,7 +60,7 @@ static cJSON *describe(const row *r, bool with_scene) {
   cJSON_AddNumberToObject(json, "viewers", r->viewers);
   cJSON_AddNumberToObject(json, "idleSeconds", (double)(r->idle_us / 1000000));
   cJSON_AddNumberToObject(json, "renderMs", r->render_ms);
-  if (with_scene) cJSON_AddNullToObject(json, "scene"); /* where tcs_reply_scene() puts it */
+  if (with_scene) cJSON_AddNullToObject(json, "scene"); /* placeholder for tcs_reply_scene() */
   if (r->judged.has_error)
     cJSON_AddItemToObject(json, "error", tcp_measured_error(&r->judged));
   else if (r->judged.unmeasured)
@@ -78,7 +78,7 @@ static cJSON *describe_with_scene(const tcs_session *session) {
 
 typedef struct list_work {
   tcs_work work;
-  const tcs_caller *caller; /* while rows are gathered */
+  const tcs_caller *caller; /* set while rows are gathered */
   GArray *rows;
 } list_work;
 
@@ -202,7 +202,7 @@ void tcs_get_scene(tcs_request *request) {
   tcs_reply_header(request, "ETag", etag);
 }
 
-/* The precondition is looked at when the change is made, however long the body took to read. */
+/* The precondition (If-Match) is checked when the change is made, however long parsing took. */
 static void change_scene(tcs_request *request, const cJSON *patch, const tcp_lists *lists, bool whole) {
   tcs_session *session = tcs_session_of(request);
   if (!session) return;
@@ -244,13 +244,13 @@ void tcs_patch_scene(tcs_request *request) {
 
 /* --- WebSocket -------------------------------------------------------------------------------------- */
 
-/* The request lives until the upgraded socket closes. Its session may have ended since the reply. */
+/* The request lives until the upgraded socket closes. The session may have ended since the reply. */
 static void on_upgrade(void *user, struct MHD_Connection *connection, void *context, const char *extra,
                        size_t extra_size, MHD_socket fd, struct MHD_UpgradeResponseHandle *handle) {
   const tcs_request *request = user;
   tcs_server *server = request->server;
   tcs_session *session = server->draining ? NULL : tcs_sessions_find(server->sessions, request->params[0]);
-  const GByteArray *held = tcs_http_held(connection); /* the library was given none of it: extra is empty */
+  const GByteArray *held = tcs_http_held(connection); /* the library was given none of these bytes: extra is empty */
   tcs_streams_open(tcs_http_streams(server->http), session, &request->caller, fd, handle, held);
   if (session) tcs_audit(server->access, &request->caller, "session.join", session->id, session->entry->id);
 }

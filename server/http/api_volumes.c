@@ -1,4 +1,4 @@
-/* Volumes and meshes over HTTP: listed, loaded, uploaded and deleted in the same way; volumes can be looked into. */
+/* Volumes and meshes over HTTP: listed, loaded, uploaded and deleted alike; volumes can also be queried. */
 #include <math.h>
 #include <stdlib.h>
 #include <string.h>
@@ -13,14 +13,14 @@
 #define MAX_AVAILABLE 2000
 #define MAX_BINS 65536
 
-#define MOST_WALKS 64 /* that may wait */
+#define MOST_WALKS 64 /* limit on waiting walks */
 
 typedef struct walk {
   tcs_work work;
   const char *folder;
   tcs_kind kind;
-  GArray *known; /* of a list: those that the caller may know of */
-  bool all;      /* with what could be loaded */
+  GArray *known; /* of a list: rows of the entries that the caller may see */
+  bool all;      /* also list the files that could be loaded */
   tc_volume *volume;
   int bins;
 } walk;
@@ -37,7 +37,7 @@ static walk *new_walk(void (*run)(tcs_work *work)) {
   return w;
 }
 
-/* A request's path says which kind it is about. */
+/* The kind, from the request's path. */
 static tcs_kind kind_of(const tcs_request *request) {
   return g_str_has_prefix(request->route->pattern, tcs_kind_paths[TCS_KIND_MESH]) ? TCS_KIND_MESH : TCS_KIND_VOLUME;
 }
@@ -85,7 +85,7 @@ static cJSON *describe(const tcs_request *request, const tcs_entry *entry) {
   return tcs_catalogue_describe(request->server->catalogue, entry, is_visible, request);
 }
 
-/* Who was given one session is shown what it shows, and nothing that could be loaded. */
+/* A caller bound to one session sees that session's volumes and meshes only, and no files. */
 void tcs_get_entries(tcs_request *request) {
   walk *w = new_walk(run_list);
   w->kind = kind_of(request);
@@ -117,7 +117,7 @@ static void reply_and_clear(tcs_request *request, GError *error) {
   g_clear_error(&error);
 }
 
-/* Loads `source`, or *error is set already. */
+/* Starts a load of `source`; if !found, *error is set already. */
 static tcs_entry *load(tcs_request *request, const char *id, bool found, tcs_source_file *source, GError **error) {
   tcs_catalogue *catalogue = request->server->catalogue;
   char *client = tcs_peer_name(request);
@@ -126,7 +126,7 @@ static tcs_entry *load(tcs_request *request, const char *id, bool found, tcs_sou
   return found ? tcs_catalogue_load(catalogue, kind_of(request), id, source, error) : NULL;
 }
 
-/* Another volume of the file that `of` is one of, which the client may not know the path of. */
+/* Loads another volume from the file of `of`, whose path the client may not know. */
 static void post_another(tcs_request *request, const cJSON *body, const char *id, const char *of) {
   GError *error = NULL;
   tcs_source_file source;
@@ -174,7 +174,7 @@ static void post_entry(tcs_request *request, cJSON *body, const tcp_lists *lists
 
 void tcs_post_entry(tcs_request *request) { tcs_read_body(request, NULL, post_entry); }
 
-/* ?spacing=X,Y,Z of pictures, or NULL. */
+/* The query's spacing=X,Y,Z for uploaded pictures, or NULL. */
 static const char *spacing_of(const tcs_request *request) {
   return kind_of(request) == TCS_KIND_VOLUME ? tcs_query(request, "spacing") : NULL;
 }
@@ -248,7 +248,7 @@ static void run_histogram(tcs_work *work) {
   tc_volume_histogram(w->volume, w->bins, counts, edges);
   cJSON *json = cJSON_CreateObject();
   cJSON_AddItemToObject(json, "edges", cJSON_CreateDoubleArray(edges, w->bins + 1));
-  double *numbers = edges; /* one more than needed */
+  double *numbers = edges; /* one more number than values */
   for (int i = 0; i < w->bins; i++) numbers[i] = (double)counts[i];
   cJSON_AddItemToObject(json, "counts", cJSON_CreateDoubleArray(numbers, w->bins));
   work->text = tcs_json_text(json);

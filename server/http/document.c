@@ -1,16 +1,16 @@
-/* Bodies and scenes as JSON: short ones at once, long ones on the text worker. */
+/* Bodies and scenes as JSON: short ones immediately, long ones on the text worker. */
 #include <limits.h>
 #include <string.h>
 
 #include "server/http/work.h"
 #include "server/session/session_scene.h"
 
-/* Bodies that may wait to be read. */
+/* Limit on bodies waiting to be parsed. */
 #define MOST_BODIES 64
 
 typedef struct body_work {
   tcs_work work;
-  GByteArray *bytes; /* a reference: the request may go */
+  GByteArray *bytes; /* a reference, since the request may end */
   const char *scene;
   tcs_body_use use;
   cJSON *json;
@@ -25,7 +25,7 @@ static void run_body(tcs_work *work) {
   body_work *b = (body_work *)work;
   b->json = tcp_json_parse((const char *)b->bytes->data, b->bytes->len, &work->error);
   if (!b->json || !b->scene || tcp_lists_read(scene_of(b->json, b->scene), &b->lists, &work->error)) return;
-  cJSON_Delete(g_steal_pointer(&b->json)); /* its error points into the scene */
+  cJSON_Delete(g_steal_pointer(&b->json)); /* the error points into the scene */
 }
 
 static void reply_body(tcs_work *work) {
@@ -38,7 +38,7 @@ static void reply_body(tcs_work *work) {
   g_free(prefix);
 }
 
-/* Freeing a tree of a million nodes takes its time too. */
+/* Freeing a tree of a million nodes also takes long. */
 typedef struct tree_task {
   tcs_task task;
   cJSON *json;
@@ -52,7 +52,7 @@ static void free_body(tcs_work *work) {
   g_byte_array_unref(b->bytes);
   tcp_lists_clear(&b->lists);
   if (!b->json) return;
-  if (!work->request) { /* the worker may have ended */
+  if (!work->request) { /* the worker may have been freed */
     cJSON_Delete(b->json);
     return;
   }
@@ -120,7 +120,7 @@ void tcs_reply_scene(tcs_request *request, int status, cJSON *around, const tc_s
   s->status = status;
   s->etag = g_strdup(etag);
   s->location = g_strdup(location);
-  if (tcs_scene_is_long(scene)) /* the change is made: its answer is not refused */
+  if (tcs_scene_is_long(scene)) /* the change is made already, so its reply must not be refused */
     tcs_work_start(request, request->server->text_worker, &s->work, INT_MAX);
   else
     tcs_work_inline(request, &s->work);

@@ -3,7 +3,7 @@
 #include <errno.h>
 #include <sys/socket.h>
 
-#define PIECE 4096 /* read at once while it is not known how much belongs to this request */
+#define PIECE 4096 /* bytes per read while the end of the request is unknown */
 
 struct tcs_guard {
   GHashTable *by_fd; /* tcs_strict * */
@@ -41,8 +41,8 @@ static ssize_t plain_recv(int fd, void *bytes, size_t size, int flags) {
   return recvfrom(fd, bytes, size, flags, NULL, NULL);
 }
 
-/* One more read from the socket; what is surely of a body goes where the library wants it. *empty: there was no more.
- */
+/* Reads once from the socket; bytes that certainly belong to the body go directly to the library's buffer. *empty: the
+ * socket has no more. */
 static ssize_t feed(tcs_strict *strict, int fd, uint8_t *bytes, size_t room, size_t *filled, bool *empty) {
   const size_t direct = tcs_strict_direct(strict, room);
   if (direct) {
@@ -58,8 +58,8 @@ static ssize_t feed(tcs_strict *strict, int fd, uint8_t *bytes, size_t room, siz
   return got;
 }
 
-/* Returns less than `size` only when the socket has nothing more: the library takes that for the sign to wait. And then
- * does not ask the socket again, for the answer could be its end, which the library has to hear itself. */
+/* Returns less than `size` only when the socket is empty: the library takes that as the sign to wait. It then does not
+ * read the socket again, since the next read may be the end of the connection, which the library must see itself. */
 static ssize_t guarded_recv(tcs_strict *strict, int fd, uint8_t *bytes, size_t size) {
   size_t filled = 0;
   bool empty = false;

@@ -1,8 +1,7 @@
-/* Puts strict.h between a connection's socket and libmicrohttpd, which reads its sockets with recv() and offers no
- * other place to look at the bytes it gets: guard.c defines that recv() for the whole program. It differs from the C
- * library's for guarded descriptors alone, and only inside tcs_guard_run(). Whoever answers a request checks that its
- * head was seen here (tcs_strict_heads), so that a library that reads in another way is refused, not trusted. One
- * thread. */
+/* Puts strict.h between a connection's socket and libmicrohttpd, which reads with recv() and has no hook for incoming
+ * bytes: guard.c defines recv() for the whole program. It differs from the C library's only for guarded descriptors,
+ * and only inside tcs_guard_run(). The request handler verifies that the head passed through here (tcs_strict_heads),
+ * so that a library version that reads differently is refused instead of trusted. One thread. */
 #ifndef TCS_HTTP_GUARD_H
 #define TCS_HTTP_GUARD_H
 
@@ -15,11 +14,11 @@ typedef struct tcs_guard tcs_guard;
 tcs_guard *tcs_guard_new(void);
 void tcs_guard_free(tcs_guard *guard); /* NULL is fine */
 
-/* From the connection's start to its end, before the descriptor is closed. */
+/* Guards a descriptor from the start of its connection. Remove it before the descriptor is closed. */
 tcs_strict *tcs_guard_add(tcs_guard *guard, int fd);
 void tcs_guard_remove(tcs_guard *guard, int fd);
 
-/* MHD_run() */
+/* Runs MHD_run() with the guard active. */
 void tcs_guard_run(tcs_guard *guard, struct MHD_Daemon *daemon);
 
 #endif

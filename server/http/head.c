@@ -16,18 +16,18 @@ typedef struct slice {
   size_t size;
 } slice;
 
-/* Fields that are lists: several of them are one (RFC 9110, section 5.3), and who looks for it finds all. */
+/* List-valued fields: several lines are joined (RFC 9110, section 5.3), so that a lookup finds all elements. */
 enum { LIST_COUNT = 4 };
 static const char *const LISTS[LIST_COUNT] = {"Connection", "If-Match", "If-None-Match", "Sec-WebSocket-Protocol"};
 
-/* What the fields have said so far. */
+/* State of the fields read so far. */
 typedef struct reader {
-  bool http10;     /* HTTP/1.0: no upgrades, no expectations, no chunks */
-  slice authority; /* of an absolute target: it stands in for the Host field */
-  slice upgrade;   /* that asks for a WebSocket */
+  bool http10;     /* HTTP/1.0: no Upgrade, Expect or chunks */
+  slice authority; /* of an absolute target: overrides the Host field */
+  slice upgrade;   /* of an Upgrade field that asks for a WebSocket */
   bool host, length, coding;
   GString *lists[LIST_COUNT];
-  unsigned once; /* bit i: ONCE[i] was there */
+  unsigned once; /* bit i: ONCE[i] was seen */
   int fields;
   tcs_head head;
   GByteArray *plain;
@@ -57,7 +57,7 @@ static bool digits_only(slice text) {
   return true;
 }
 
-/* uri-host [":" port] of RFC 3986; the empty one is valid for a target without an authority. */
+/* uri-host [":" port] of RFC 3986; may be empty for a target without an authority. */
 static bool is_host(slice text) {
   size_t at = 0;
   if (text.size && text.at[0] == '[') {
@@ -71,12 +71,12 @@ static bool is_host(slice text) {
   return text.at[at] == ':' && text.size - at <= 6 && digits_only((slice){text.at + at + 1, text.size - at - 1});
 }
 
-/* The characters that RFC 3986 lets a path or query have as they are. */
+/* Characters that RFC 3986 allows unescaped in a path or query. */
 static bool is_plain(char c, bool query) {
   return g_ascii_isalnum(c) || (c && strchr("-._~!$&'()*+,;=:@/", c)) || (query && c == '?');
 }
 
-/* Checks a path or a query and what its percent signs stand for: text, no controls, no hidden separators. */
+/* Checks a path or query after percent-decoding: UTF-8 text, no control characters, no encoded separators. */
 static const tcs_refusal *check_part(slice part, bool query) {
   char decoded[TCS_LINE_BYTES];
   size_t size = 0;
@@ -233,8 +233,8 @@ static const tcs_refusal *read_upgrade(reader *r, slice value) {
   return NULL;
 }
 
-/* Nobody here reads cookies, and the library's memory for what it makes of many of them ends before the field does: it
- * would close without a word. */
+/* Drops cookies: the server uses none, and a long Cookie field exhausts the library's memory for its parsed values, so
+ * that it would close without a reply. */
 static const tcs_refusal *read_cookie(reader *r, slice value) { return NULL; }
 
 static const tcs_refusal *add_to_list(GString **list, slice value) {
@@ -244,7 +244,7 @@ static const tcs_refusal *add_to_list(GString **list, slice value) {
   return NULL;
 }
 
-/* Of two values of one of these nobody can say which is meant. */
+/* Duplicates of these fields are ambiguous. */
 static const char *const ONCE[] = {"Content-Type", "Authorization", "Origin", "Sec-WebSocket-Version",
                                    "Sec-WebSocket-Key"};
 
@@ -272,7 +272,7 @@ static const tcs_refusal *read_field(reader *r, slice line) {
   return NULL;
 }
 
-/* What only the whole head can tell, and the framing in its one form. */
+/* Checks that need the whole head; writes the framing in its canonical form. */
 static const tcs_refusal *finish(reader *r) {
   char line[48];
   if (!r->host && !r->http10) BAD("HTTP/1.1 wants a Host field");
@@ -280,8 +280,7 @@ static const tcs_refusal *finish(reader *r) {
   if (r->coding) put_text(r->plain, "Transfer-Encoding: chunked\r\n");
   g_snprintf(line, sizeof line, "Content-Length: %" G_GUINT64_FORMAT "\r\n", r->head.length);
   if (r->length) put_text(r->plain, line);
-  /* RFC 9110, section 7.8: a server may ignore it, and does with a body, after which the connection goes on as it was.
-   */
+  /* RFC 9110, section 7.8: a server may ignore Upgrade. This one does for requests with a body. */
   r->head.upgrade = r->upgrade.size && !r->coding && !r->head.length;
   if (r->head.upgrade) put_field(r->plain, "Upgrade", 7, r->upgrade);
   for (int i = 0; i < LIST_COUNT; i++)
@@ -297,7 +296,7 @@ const tcs_refusal *tcs_head_read(const uint8_t *bytes, size_t size, tcs_head *he
   const char *at = (const char *)bytes, *end = at + size, *stop;
   for (bool first = true; !refusal; first = false, at = stop + 2) {
     stop = memmem(at, (size_t)(end - at), "\r\n", 2);
-    if (!stop) break; /* the caller has seen the empty line */
+    if (!stop) break; /* not reached: the caller found the empty line */
     const slice line = {at, (size_t)(stop - at)};
     if (line.size == 0 && !first) break;
     refusal = first ? read_request_line(&r, line) : read_field(&r, line);

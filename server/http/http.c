@@ -16,31 +16,31 @@
 #include "server/http/mjpeg.h"
 #include "server/loop/loop.h"
 
-#define IDLE_S 30                /* a connection that sends nothing */
-#define HEADER_US 10000000       /* from connect to the end of the headers, however slowly they drip */
-#define NEXT_REQUEST_US 40000000 /* from one request's end to the end of the next one's headers */
-#define BODY_US 60000000         /* a JSON body */
-#define DROP_BYTES (4 << 20)     /* of a body that nobody asked for */
-#define EXTRA_CONNECTIONS 512    /* beside the viewers */
+#define IDLE_S 30                /* limit on a connection's silence */
+#define HEADER_US 10000000       /* from accept to the end of the headers, even if they arrive slowly */
+#define NEXT_REQUEST_US 40000000 /* from the end of a request to the end of the next one's headers */
+#define BODY_US 60000000         /* for a JSON body */
+#define DROP_BYTES (4 << 20)     /* limit on a body the route does not use */
+#define EXTRA_CONNECTIONS 512    /* besides the viewers */
 #define METRICS_CONNECTIONS 16
-#define RESERVE 64         /* of these: for lookups alone, and not for long */
-#define RESERVE_US 2000000 /* for the headers of such a connection */
+#define RESERVE 64         /* of these: only for lookups, and short-lived */
+#define RESERVE_US 2000000 /* for the headers on such a connection */
 
-/* What is known of a connection, from accept to close. */
+/* State of a connection, from accept to close. */
 typedef struct link {
   int fd;
-  unsigned answered;    /* of the requests begun */
+  unsigned answered;    /* number of requests answered */
   int64_t deadline_us;  /* 0 = none */
-  tcs_strict *strict;   /* the guard's */
-  tcs_request *reading; /* its body comes, or NULL */
-  unsigned requests;    /* begun */
-  bool reserve;         /* one of the last free ones, or of the last its peer may have */
-  char peer[INET6_ADDRSTRLEN]; /* "": a trusted proxy's, for many */
-  bool gone;            /* at the last tick, while something was waited for */
-  bool metrics;         /* at the metrics' own place */
+  tcs_strict *strict;   /* owned by the guard */
+  tcs_request *reading; /* the request whose body is being received, or NULL */
+  unsigned requests;    /* number of requests begun */
+  bool reserve;         /* one of the last connections free, in all or for its peer */
+  char peer[INET6_ADDRSTRLEN]; /* "": a trusted proxy, not limited as one peer */
+  bool gone;                   /* the peer was gone at the last tick */
+  bool metrics;                /* accepted on the metrics address */
 } link_state;
 
-/* A place it listens at. */
+/* A listening address. */
 typedef struct place {
   tcs_http *http;
   struct MHD_Daemon *daemon;
@@ -52,14 +52,14 @@ enum { MAIN, METRICS, PLACES };
 
 struct tcs_http {
   tcs_server *server;
-  place places[PLACES]; /* that of the metrics may have no daemon */
+  place places[PLACES]; /* the metrics place may have no daemon */
   tcs_streams *streams;
-  GHashTable *links; /* link_state * as a set */
+  GHashTable *links; /* set of link_state * */
   tcs_guard *guard;
   tcs_linger *linger;
   GQueue deferred; /* tcs_request *, by deferred_link */
   GQueue mjpeg_viewers;
-  GBytes *documents[TCS_DOCUMENT_COUNT]; /* NULL: not asked for yet */
+  GBytes *documents[TCS_DOCUMENT_COUNT]; /* NULL: not yet requested */
   int open_requests;
 };
 
@@ -86,8 +86,8 @@ static unsigned connection_limit(const tcs_server *server) {
   return (unsigned)(server->config->limits.clients + EXTRA_CONNECTIONS);
 }
 
-/* What one peer may have of them, so that nobody's idle ones keep others out: three times what is left. However many peers
- * hold all they may, something is left. */
+/* Limit on one peer's connections, so that its idle ones do not shut out others: three times the number left. However
+ * many peers reach their limit, some connections stay free. */
 static unsigned peer_limit(const tcs_http *http) {
   const unsigned taken = g_hash_table_size(http->links) + RESERVE, limit = connection_limit(http->server);
   return taken < limit ? 3 * (limit - taken) : 0;
@@ -145,12 +145,12 @@ static void on_connection(void *user, struct MHD_Connection *connection, void **
 
 /* --- one request ----------------------------------------------------------------------------------- */
 
-/* Whether the bytes let through last are this request's: a refusal, or an upgrade, is then about it. */
+/* Whether the request is the last one that passed the guard, so that the guard's refusal or upgrade is about it. */
 static bool is_newest(const tcs_request *request) {
   return request->number == tcs_strict_heads(link_of(request->connection)->strict);
 }
 
-/* True: the request is not by the book, and has its reply. */
+/* True: the guard refused the request; replied. */
 static bool refuse_framing(tcs_request *request) {
   const tcs_refusal *refusal = tcs_strict_refusal(link_of(request->connection)->strict);
   if (!refusal || !is_newest(request)) return false;
@@ -162,7 +162,7 @@ const GByteArray *tcs_http_held(struct MHD_Connection *connection) {
   return tcs_strict_held(link_of(connection)->strict);
 }
 
-/* Everything that can be said before the body is read. */
+/* All checks before the body is read. */
 static void admit(tcs_request *request, const char *path) {
   tcs_server *server = request->server;
   tcs_match match;
@@ -220,7 +220,7 @@ static bool body_is_left(const tcs_request *request) {
          (length ? strcmp(length, "0") != 0 : tcs_header(request, "Transfer-Encoding") != NULL);
 }
 
-/* After a refusal, after an upgrade that was not granted, and after a body that is not read. */
+/* The connection closes after a refusal, an upgrade not granted, or a body not read. */
 static bool is_last(const tcs_request *request) {
   const link_state *link = link_of(request->connection);
   return (is_newest(request) && !tcs_strict_hungry(link->strict)) || link->reserve || body_is_left(request);
@@ -289,7 +289,7 @@ static enum MHD_Result on_request(void *user, struct MHD_Connection *connection,
     }
     admit(request, path);
     set_deadline(connection, request->upload ? 0 : BODY_US);
-    if (request->reply && body_is_left(request)) return hand_over(request); /* the library then reads no more */
+    if (request->reply && body_is_left(request)) return hand_over(request); /* the body stays unread */
     link_of(connection)->reading = request;
     return MHD_YES;
   }
@@ -308,7 +308,7 @@ static enum MHD_Result on_request(void *user, struct MHD_Connection *connection,
   }
   if (request->cut) return MHD_NO;
   if (request->reply) return hand_over(request);
-  if (!request->deferred) return MHD_NO; /* a handler that did neither: close rather than hang */
+  if (!request->deferred) return MHD_NO; /* no reply and not deferred: close rather than hang */
   request->suspended = true;
   MHD_suspend_connection(connection);
   return MHD_YES;
@@ -341,7 +341,7 @@ static void on_completed(void *user, struct MHD_Connection *connection, void **c
 void tcs_defer(tcs_request *request, void (*abandon)(tcs_request *request), void *owner) {
   request->abandon = abandon;
   request->owner = owner;
-  if (request->deferred) return; /* from one thing to the next */
+  if (request->deferred) return; /* deferred again by another owner */
   request->deferred = true;
   g_queue_push_tail_link(&request->server->http->deferred, &request->deferred_link);
 }
@@ -359,7 +359,7 @@ void tcs_reply_response(tcs_request *request, int status, struct MHD_Response *r
   request->reply = response;
   request->problem = NULL;
   request->status = status;
-  if (!response) request->cut = true; /* no memory for a reply */
+  if (!response) request->cut = true; /* out of memory */
   if (request->deferred) wake(request);
 }
 
@@ -383,9 +383,9 @@ bool tcs_peer_gone(struct MHD_Connection *connection) {
   return ended(MHD_get_connection_info(connection, MHD_CONNECTION_INFO_CONNECTION_FD)->connect_fd);
 }
 
-/* Too late; or gone between two requests or in the middle of one: an end that came together with the last bytes is an
- * edge that MHD has already seen, and it would wait out its whole patience. Gone at two ticks: MHD has looked at all
- * that came before. */
+/* Whether the connection is past its deadline or its peer has gone. MHD misses an end of the connection that arrived
+ * with the last bytes, since its epoll is edge-triggered, and would wait for its timeout. Two ticks in a row, so that
+ * MHD has handled all earlier bytes. */
 static bool is_over(link_state *link, int64_t now_us) {
   const bool waits = link->reading ? !link->reading->suspended : link->requests == link->answered;
   const bool was_gone = link->gone;
@@ -409,9 +409,9 @@ void tcs_http_tick(tcs_http *http, int64_t now_us) {
     if (link->reading && !link->reading->cut)
       time_out(link->reading);
     else
-      shutdown(link->fd, SHUT_RDWR); /* MHD sees the end and closes */
+      shutdown(link->fd, SHUT_RDWR); /* MHD then closes */
   }
-  /* MHD does not watch suspended connections, so nobody else notices that a client has left. */
+  /* MHD does not watch suspended connections, so check here whether their clients left. */
   for (GList *item = http->deferred.head, *next; item; item = next) {
     next = item->next;
     tcs_request *request = item->data;
@@ -422,14 +422,14 @@ void tcs_http_tick(tcs_http *http, int64_t now_us) {
   tcs_mjpeg_tick(http->server);
 }
 
-/* --- life ------------------------------------------------------------------------------------------ */
+/* --- life cycle ------------------------------------------------------------------------------------ */
 
 static void on_log(void *user, const char *format, va_list arguments) {
-  /* The text may hold pieces of a request: only that something was said is kept. */
+  /* The library's text may contain parts of the request, so only the event is logged. */
   tcs_log(TCS_LOG_DEBUG, "http.library", NULL);
 }
 
-static void on_mhd_ready(tcs_source *source, uint32_t events) { /* only to wake the loop: it runs MHD each time round */
+static void on_mhd_ready(tcs_source *source, uint32_t events) { /* only wakes the loop, which runs MHD in every turn */
 }
 
 static int listen_on(const tcs_listen *where, const char *option, GError **error) {
@@ -522,7 +522,7 @@ void tcs_http_free(tcs_http *http) {
 
 int tcs_http_run(tcs_http *http) {
   int wait_ms = -1;
-  /* Running may resume or close other connections, which takes another run: in a turn of its own. */
+  /* Running may resume or close other connections, which need another run, in the next turn. */
   http->server->http_work = false;
   for (place *at = http->places; at < http->places + PLACES; at++)
     if (at->daemon) tcs_guard_run(http->guard, at->daemon);
@@ -530,7 +530,7 @@ int tcs_http_run(tcs_http *http) {
   if (http->server->http_work) return 0;
   for (place *at = http->places; at < http->places + PLACES; at++) {
     MHD_UNSIGNED_LONG_LONG timeout_ms;
-    /* MHD's own epoll is edge-triggered: a 0 here is the only sign that it has more to do. */
+    /* MHD's epoll is edge-triggered: a timeout of 0 is the only sign of pending work. */
     if (!at->daemon || MHD_get_timeout(at->daemon, &timeout_ms) != MHD_YES) continue;
     const int ms = timeout_ms > 1000 ? 1000 : (int)timeout_ms;
     if (wait_ms < 0 || ms < wait_ms) wait_ms = ms;

@@ -9,10 +9,10 @@
 #define MOST_US 10000000
 #define MOST_BYTES (INT64_C(64) << 20)
 #define MOST_LEAVERS 64
-#define TURN_PIECES 16 /* read of one connection in a turn of the loop */
+#define TURN_PIECES 16 /* reads per connection and turn of the loop */
 
 typedef struct leaver {
-  tcs_source source; /* first: the loop hands it back */
+  tcs_source source; /* must be first: the loop passes the source */
   tcs_linger *linger;
   GList link;
   int64_t until_us, left_bytes;
@@ -30,12 +30,12 @@ static void let_go(leaver *l) {
   g_free(l);
 }
 
-/* False: the peer has closed, or has sent too much. */
+/* Discards input. False: the peer has closed, or has sent too much. */
 static bool throw_away(leaver *l) {
   static uint8_t nowhere[65536];
   for (int i = 0; i < TURN_PIECES && l->left_bytes > 0; i++) {
     const ssize_t got =
-        recv(l->source.fd, nowhere, sizeof nowhere, MSG_DONTWAIT | MSG_TRUNC); /* TCP: without copying */
+        recv(l->source.fd, nowhere, sizeof nowhere, MSG_DONTWAIT | MSG_TRUNC); /* TCP discards without copying */
     if (got < 0 && (errno == EAGAIN || errno == EINTR)) return true;
     if (got <= 0) return false;
     l->left_bytes -= got;

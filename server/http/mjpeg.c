@@ -17,10 +17,10 @@ typedef struct tcs_mjpeg {
   tcs_server *server;
   struct MHD_Connection *connection;
   GList link;
-  GBytes *image; /* being sent after `head`, before the next part's head */
+  GBytes *image; /* sent after `head`, before the header of the next part */
   GString *head, *tail;
   size_t sent;        /* of head + image + tail */
-  char next_type[16]; /* what the open part is announced as */
+  char next_type[16]; /* content type announced for the open part */
   tcs_caller caller;
   bool suspended, ended;
 } tcs_mjpeg;
@@ -43,7 +43,7 @@ static void resume(tcs_mjpeg *mjpeg) {
   MHD_resume_connection(mjpeg->connection);
 }
 
-/* --- the watcher's transport ------------------------------------------------------------------------ */
+/* --- transport of the watcher ----------------------------------------------------------------------- */
 
 static tcs_mjpeg *of_watcher(const tcs_watcher *watcher) { return (tcs_mjpeg *)(uintptr_t)watcher; }
 
@@ -60,12 +60,13 @@ static void on_frame(tcs_watcher *watcher, const tcs_picture *picture, const tcp
   mjpeg->sent = 0;
   if (strcmp(mjpeg->next_type, header->format) != 0) open_part(mjpeg->head, mjpeg, header->format);
   mjpeg->image = g_bytes_ref(picture->image);
-  /* A browser shows a part when the next one's head arrives: it goes out at once, not with the next picture. */
+  /* A browser shows a part when the next part's header arrives, so this header is sent at once, not with the next
+   * picture. */
   open_part(mjpeg->tail, mjpeg, header->format);
   resume(mjpeg);
 }
 
-static void on_text(tcs_watcher *watcher, const char *json) {} /* there is no place for it in this format */
+static void on_text(tcs_watcher *watcher, const char *json) {} /* MJPEG has no text messages */
 
 static void on_end(tcs_watcher *watcher) {
   tcs_mjpeg *mjpeg = of_watcher(watcher);
@@ -123,9 +124,8 @@ static void free_stream(void *user) {
   g_free(mjpeg);
 }
 
-/* The kernel ends the connection of a viewer that vanished or reads nothing: the one shows while pictures flow, or by a
- * question now and then while none does; to the other, whose kernel answers for it, only pictures that flow show. MHD
- * sees the end, or tcs_mjpeg_tick() where it does not look. */
+/* Lets the kernel end the connection of a viewer that vanished (by keepalive, or by TCP_USER_TIMEOUT while pictures are
+ * sent) or reads nothing (by TCP_USER_TIMEOUT). MHD notices the end, or tcs_mjpeg_tick() for suspended connections. */
 static void bound_silence(struct MHD_Connection *connection, int64_t seconds) {
   const int fd = MHD_get_connection_info(connection, MHD_CONNECTION_INFO_CONNECTION_FD)->connect_fd;
   const int one = 1, idle = (int)seconds, between = (int)MAX(1, seconds / 3), times = 3;

@@ -14,7 +14,7 @@ static cJSON *sample_json(const tc_reference_sample *s) {
   return json;
 }
 
-/* Takes the document. One piece at a time: a ray may have 60,000 of them, as a tree ten times their text. */
+/* Takes the document. Written piece by piece: a ray may have 60,000, and as one tree they take ten times their text. */
 static void append(GString *text, cJSON *json) {
   char *piece = cJSON_PrintUnformatted(json);
   g_string_append(text, piece ? piece : "null");

@@ -1,4 +1,4 @@
-/* The verbose ray, as the HTTP service and the command line give it. */
+/* The record of one ray, for the HTTP service and the command line. */
 #ifndef TCS_HTTP_RAY_JSON_H
 #define TCS_HTTP_RAY_JSON_H
 
@@ -7,10 +7,11 @@
 #include "protocol/protocol.h"
 #include "renderer/volume/volume.h"
 
-/* What the reference integrator makes of the ray through the centre of `pixel` (x, y), as JSON text (g_malloc'ed):
+/* Integrates the ray through the centre of `pixel` (x, y) with the reference. Returns JSON text (g_malloc'ed):
  * {"color", "opacity", "samples": [{"position", "depth", "length", "value", "color", "extinction", "transparency"}]},
- * front to back. Errors: those of the reference, for what it does not know; TC_ERROR_CANCELLED once *cancel (or NULL)
- * is true. labels: what the scene names, or NULL. Any thread; costs a millisecond or so, many knots more. */
+ * front to back. Errors: those of the reference for scenes it does not support; TC_ERROR_CANCELLED once *cancel (or
+ * NULL) is true. labels: the scene's label volume, or NULL. Any thread; takes about a millisecond, more with many
+ * knots. */
 char *tcs_ray_json(tc_volume *volume, tc_volume *labels, const tc_scene *scene, const int pixel[2],
                    const atomic_bool *cancel, GError **error);
 

@@ -1,4 +1,4 @@
-/* Reading requests and making replies. */
+/* Requests and replies. */
 #include <string.h>
 
 #include "protocol/protocol.h"
@@ -79,7 +79,7 @@ void tcs_reply_empty(tcs_request *request, int status) {
   tcs_reply_response(request, status, MHD_create_response_from_buffer(0, NULL, MHD_RESPMEM_PERSISTENT));
 }
 
-/* A header's lines in their order, as one; NULL: there is none. */
+/* Joins all lines of a header in order; NULL: none. */
 typedef struct lines {
   const char *name;
   GString *text;

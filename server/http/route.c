@@ -21,7 +21,7 @@ static bool fits(const char *pattern, const char *path, char params[TCS_MAX_PARA
 }
 
 static void allow(tcs_match *match, const char *method) {
-  /* Two patterns may fit one path. No method's name is part of another's. */
+  /* Two patterns may match one path. No method's name contains another's. */
   if (strstr(match->allow, method)) return;
   if (match->allow[0]) g_strlcat(match->allow, ", ", sizeof match->allow);
   g_strlcat(match->allow, method, sizeof match->allow);

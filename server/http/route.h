@@ -12,17 +12,17 @@
 
 typedef struct tcs_request tcs_request;
 
-/* What answering costs, and so what may be refused under load or while shutting down. */
+/* Cost of a reply, which decides what is refused under load or during shutdown. */
 typedef enum tcs_cost {
   TCS_COST_LOOKUP, /* a few microseconds on the I/O thread */
-  TCS_COST_VOLUME, /* walks voxels or folders, on a worker */
+  TCS_COST_VOLUME, /* walks over voxels or folders, on a worker */
   TCS_COST_RENDER, /* waits for the renderer */
   TCS_COST_STREAM, /* stays open */
   TCS_COST_COUNT
 } tcs_cost;
 
 typedef enum tcs_body {
-  TCS_BODY_NONE,  /* whatever comes is dropped */
+  TCS_BODY_NONE,  /* discarded */
   TCS_BODY_JSON,  /* application/json */
   TCS_BODY_PATCH, /* application/merge-patch+json or application/json */
   TCS_BODY_FILE,  /* any type, streamed to disk */
@@ -35,17 +35,17 @@ typedef struct tcs_route {
   void (*handler)(tcs_request *request);
   tcs_cost cost;
   tcs_body body;
-  tcs_role role; /* at least; TCS_ROLE_NONE: anybody, from any page */
+  tcs_role role; /* least role; TCS_ROLE_NONE: every caller, from any page */
 } tcs_route;
 
 typedef struct tcs_match {
-  const tcs_route *route;                      /* NULL: none */
-  bool path_known;                             /* some route has this path, with another method */
-  char allow[64];                              /* then: "GET, HEAD, PUT" */
-  char params[TCS_MAX_PARAMS][TCS_PARAM_SIZE]; /* texts of the braces, in order; an overlong one does not match */
+  const tcs_route *route;                      /* NULL: no match */
+  bool path_known;                             /* the path exists, with other methods */
+  char allow[64];                              /* if path_known: the methods, as "GET, HEAD, PUT" */
+  char params[TCS_MAX_PARAMS][TCS_PARAM_SIZE]; /* matched segments, in order; longer ones do not match */
 } tcs_match;
 
-/* `routes` ends with a NULL method. The first that fits is taken. */
+/* `routes` ends with a NULL method. The first match wins. */
 void tcs_route_match(const tcs_route *routes, const char *method, const char *path, tcs_match *match);
 
 #endif

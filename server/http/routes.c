@@ -1,6 +1,6 @@
 #include "server/http/http.h"
 
-/* Every call there is; protocol/openapi.json describes them. */
+/* All routes; protocol/openapi.json describes them. */
 const tcs_route tcs_routes[] = {
     {"GET", "/healthz", tcs_get_healthz, TCS_COST_LOOKUP, TCS_BODY_NONE, TCS_ROLE_NONE},
     {"GET", "/readyz", tcs_get_readyz, TCS_COST_LOOKUP, TCS_BODY_NONE, TCS_ROLE_NONE},

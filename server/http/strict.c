@@ -2,9 +2,8 @@
 
 #include <string.h>
 
-#define CHUNK_LINE_BYTES 1024 /* a chunk's size with its extensions, or one trailer */
-#define CHUNK_EXTRA_BYTES                                                                                              \
-  16384               /* of extensions and trailers of one body (RFC 9112, section 7.1.1: a limit is wanted) */
+#define CHUNK_LINE_BYTES 1024   /* limit on a chunk size line or a trailer */
+#define CHUNK_EXTRA_BYTES 16384 /* limit on extensions and trailers of one body, as RFC 9112, section 7.1.1 demands */
 #define EMPTY_LINES 4 /* before a request line (RFC 9112, section 2.2) */
 
 typedef enum stage { HEAD, DATA, CHUNK_SIZE, CHUNK_END, TRAILER, HELD, REFUSED } stage;
@@ -13,9 +12,9 @@ struct tcs_strict {
   GByteArray *in, *out;
   guint out_taken;
   stage stage;
-  uint64_t left; /* DATA: of the body, or of the chunk */
+  uint64_t left; /* in DATA: of the body or chunk */
   bool chunked;
-  guint seen; /* of `in`: holds no end of a line or head */
+  guint seen; /* bytes of `in` searched for the end of a line or head */
   size_t extra;
   int empty_lines;
   unsigned heads;
@@ -54,10 +53,10 @@ static void drop(tcs_strict *s, guint size) {
   s->seen = 0;
 }
 
-/* Beside those that end lines. */
+/* Control characters other than line ends and tabs. */
 static bool is_control(guint8 c) { return (c < 32 && c != '\t' && c != '\r' && c != '\n') || c == 127; }
 
-/* `rest` ends what the library is reading. */
+/* `rest` completes what the library is reading. */
 static bool refuse(tcs_strict *s, const tcs_refusal *refusal, const char *rest) {
   s->refusal = refusal;
   s->stage = REFUSED;
@@ -73,7 +72,7 @@ static bool refuse_head(tcs_strict *s, const tcs_refusal *refusal) {
   return refuse(s, refusal, "GET /refused HTTP/1.1\r\nHost: refused\r\nConnection: close\r\n\r\n");
 }
 
-/* The size of the whole head in `in`; 0: it is not whole yet, or a byte in it can stand in no head: *refusal. */
+/* The size of the complete head at the start of `in`; 0: incomplete, or *refusal is set for an invalid byte. */
 static guint find_head(tcs_strict *s, const tcs_refusal **refusal) {
   static const tcs_refusal line_end = {400, "request", "Bad request", "lines end with CR and LF, together"},
                            control = {400, "request", "Bad request", "the head holds a control character"},
@@ -122,7 +121,7 @@ static const tcs_refusal bad_chunk = {400, "chunk", "Bad request", "the chunked 
 static const tcs_refusal long_chunk = {400, "chunk", "Bad request",
                                        "the chunked body holds too much beside its data, or a chunk too large"};
 
-/* The size of the line at the start of `in`, without its CRLF; -1: it is not whole yet; -2: there can be none. */
+/* The length of the line at the start of `in`, without its CRLF; -1: incomplete; -2: invalid. */
 static int find_line(tcs_strict *s) {
   for (; s->seen < s->in->len; s->seen++) {
     const guint8 c = s->in->data[s->seen];
@@ -152,7 +151,7 @@ static bool read_chunk_size(tcs_strict *s) {
   drop(s, (guint)size + 2);
   s->left = value;
   s->stage = value ? DATA : TRAILER;
-  /* The last chunk goes out with the end of the trailers: the body is not complete before. */
+  /* The last chunk is passed on after the trailers, since the body is not complete before. */
   if (value) say(s, plain);
   return true;
 }

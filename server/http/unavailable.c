@@ -1,11 +1,11 @@
-/* What this version does not offer, asked of the plan itself so that it cannot say otherwise: every choice that the
- * scene's schema knows is put to it, and those it refuses as not built are listed. */
+/* Lists what this version does not support, by asking the planner: each choice in the scene's schema is planned, and
+ * those refused as unsupported are listed. So the list cannot contradict the planner. */
 #include <string.h>
 
 #include "server/http/http.h"
 
 typedef struct asker {
-  tc_volume *volume; /* any will do */
+  tc_volume *volume; /* any volume */
   tc_scene defaults;
   cJSON *found; /* {"shading.model": ["lambert", ...]} */
 } asker;
@@ -33,7 +33,7 @@ static bool refused(const asker *a, const cJSON *patch) {
   return not_built;
 }
 
-/* Takes `value`. `part` is NULL for a member of the scene itself. */
+/* Plans a scene with this member. Takes `value`. part NULL: a member of the scene itself. */
 static void ask(asker *a, const char *part, const char *name, cJSON *value) {
   cJSON *patch = cJSON_CreateObject();
   cJSON *holder = part ? cJSON_AddObjectToObject(patch, part) : patch;
@@ -48,7 +48,7 @@ static void ask(asker *a, const char *part, const char *name, cJSON *value) {
   cJSON_Delete(patch);
 }
 
-/* Every name of every choice, and true for every flag. */
+/* Asks for every name of every enum, and for true of every boolean. */
 static void ask_members(asker *a, const char *part, const cJSON *properties) {
   const cJSON *member, *name;
   cJSON_ArrayForEach(member, properties) {

@@ -1,7 +1,8 @@
-/* Uploads: the body goes to a file in the spool as it comes, never into memory as a whole and never on the I/O thread.
+/* Uploads: the body is written to a file in the spool as it arrives, never held in memory as a whole and never written
+ * on the I/O thread.
  *
- * Two buffers take turns: one is filled from the connection while the other is written. While both are full the
- * connection is suspended. */
+ * Double buffering: one buffer is filled from the connection while the other is written. Backpressure: the connection
+ * is suspended while both are full. */
 #include <errno.h>
 #include <string.h>
 #include <unistd.h>
@@ -11,22 +12,22 @@
 #include "server/loop/worker.h"
 #include "server/memory/budget.h"
 
-#define BUFFER (256 << 10) /* a connection may be read once more when it is reached */
+#define BUFFER (256 << 10) /* soft limit: the connection may deliver one more read */
 
 struct tcs_upload {
-  tcs_task task; /* of the spool's thread; `writing` is its while `busy` */
+  tcs_task task; /* runs on the spool's thread; `writing` belongs to it while `busy` */
   tcs_server *server;
-  tcs_request *request; /* NULL: the client has gone */
+  tcs_request *request; /* NULL: the client left */
   tcs_spooled *file;
   GByteArray *filling, *writing;
   bool busy, ended;
   int failed;                      /* errno of a write */
-  int64_t bytes;                   /* of the body so far */
-  int64_t window_us, window_bytes; /* when the rate was looked at last, and `bytes` then */
+  int64_t bytes;                   /* received so far */
+  int64_t window_us, window_bytes; /* start of the rate window; `bytes` then */
   GList link;                      /* in `uploads` */
 };
 
-/* All there are; the I/O thread's. */
+/* All uploads. I/O thread. */
 static GQueue uploads = G_QUEUE_INIT;
 
 tcs_upload *tcs_upload_begin(tcs_request *request) {
@@ -63,15 +64,17 @@ static void free_upload(tcs_upload *upload) {
 }
 
 static void resume(tcs_upload *upload) {
-  if (!upload->request || upload->ended || !upload->request->suspended) return; /* after the end others suspend */
+  if (!upload->request || upload->ended || !upload->request->suspended)
+    return; /* others may suspend it after the end
+             *  */
   upload->request->suspended = false;
   upload->server->http_work = true;
-  upload->window_us = g_get_monotonic_time(); /* the client could not send meanwhile */
+  upload->window_us = g_get_monotonic_time(); /* a suspended client could not send */
   upload->window_bytes = upload->bytes;
   MHD_resume_connection(upload->request->connection);
 }
 
-/* The request has its reply, or goes: nothing is kept. */
+/* Detaches and discards the upload: the request has its reply, or ends. */
 static void drop(tcs_upload *upload) {
   resume(upload);
   upload->request->upload = NULL;
@@ -126,7 +129,7 @@ static void done_write(tcs_task *task) {
     pump(upload);
 }
 
-/* All is written: the file becomes a volume or a mesh. */
+/* Everything is written: starts the import of the file. */
 static void complete(tcs_upload *upload) {
   tcs_request *request = upload->request;
   tcs_spooled *file = g_steal_pointer(&upload->file);
@@ -174,7 +177,7 @@ void tcs_upload_write(tcs_request *request, const void *bytes, size_t size) {
   MHD_suspend_connection(request->connection);
 }
 
-/* The connection goes on to be closed: who wakes it has to know that it is suspended. */
+/* Does not clear `suspended`: the connection is closed by the code that wakes it, which needs the flag. */
 static void leave_ended(tcs_request *request) { drop(request->upload); }
 
 void tcs_upload_end(tcs_request *request) {
@@ -184,7 +187,7 @@ void tcs_upload_end(tcs_request *request) {
   pump(upload);
 }
 
-/* --- slow ones ------------------------------------------------------------------------------------- */
+/* --- slow uploads ---------------------------------------------------------------------------------- */
 
 void tcs_uploads_tick(tcs_server *server, int64_t now_us) {
   const tcs_limits *limits = &server->config->limits;

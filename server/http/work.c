@@ -40,7 +40,7 @@ static void leave(tcs_request *request) {
   tcs_work *work = request->owner;
   work->request = NULL;
   atomic_store(&work->cancel, true);
-  if (!tcs_worker_drop(work->worker, &work->task)) return; /* under way: done_work() comes */
+  if (!tcs_worker_drop(work->worker, &work->task)) return; /* running: done_work() frees it */
   request->server->metrics->works_dropped++;
   free_work(work);
 }
