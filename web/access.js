@@ -1,22 +1,26 @@
-// Who the user is to the daemon: a token, asked for once, or a link to one session. Both stay in this tab and out of
-// addresses: what stands after a # is sent to nobody, and leaves the address bar at once.
+// Credentials of the user: a token, asked for once, or a share link to one session. Both stay in this tab. A link
+// carries its token after the #, which browsers do not send to servers, and the token is removed from the address at
+// once.
 
 const LINK = /^([0-9a-f]{32})\.(view|edit)\.\d+\.[0-9a-f]+$/;
 
-/** "#share=TOKEN&volume&view" @returns {{token: string, rest: string}} of a share link; both "" of another address */
+/**
+ * Parses "#share=TOKEN&volume&view".
+ * @returns {{token: string, rest: string}} both "" if the address is not a share link
+ */
 export function linkIn(hash) {
   const [first, ...rest] = hash.split('&');
   const token = first.startsWith('#share=') ? first.slice('#share='.length) : '';
   return LINK.test(token) ? { token, rest: rest.join('&') } : { token: '', rest: '' };
 }
 
-/** @returns {{session: string, role: string}} what a token says of itself; both "" when it is no link's */
+/** @returns {{session: string, role: string}} the contents of a share token; both "" for another token */
 export function linked(token) {
   const [, session = '', role = ''] = LINK.exec(token) ?? [];
   return { session, role };
 }
 
-/** Asks for the token. */
+/** The dialog that asks for the token. */
 export class TokenDialog {
   #get;
 
@@ -24,7 +28,7 @@ export class TokenDialog {
     this.#get = get;
   }
 
-  /** @param wrong the last one was refused. @returns {Promise<string>} "" when the user turns away */
+  /** @param wrong the last token was refused. @returns {Promise<string>} "" when the user cancels */
   ask(wrong) {
     const dialog = this.#get('token-dialog');
     const input = this.#get('token');

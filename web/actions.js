@@ -1,4 +1,4 @@
-// What keys and buttons do to the view, by the names of the table of bindings.
+// The actions on the view that keys and buttons trigger, by their names in the table of bindings.
 
 import { contextOf } from './bindings.js';
 import { fit, standardView } from './camera.js';
@@ -12,7 +12,10 @@ export class Actions {
   #cine;
   #inverted = false;
 
-  /** store, stage, buttons {cine, invert, fullscreen}; gesture(bool); look; history; move(moved) in steer's terms; shown() -> {box} of the volume; sequence; help() */
+  /**
+   * store, stage, buttons {cine, invert, fullscreen}; gesture(bool); look; history; move(moved) as steer() takes it;
+   * shown() -> {box} of the volume; sequence; help()
+   */
   constructor(parts) {
     this.#with = parts;
     const { store, stage, gesture, move, shown } = parts;
@@ -58,7 +61,7 @@ export class Actions {
     this.#show();
   }
 
-  /** A saved picture is the one on the screen. @returns {Promise<Blob>} */
+  /** The picture as shown on the screen: inverted if the stage is. @returns {Promise<Blob>} */
   async shown(blob) {
     if (!this.#applies) return blob;
     const bitmap = await createImageBitmap(blob);
@@ -91,7 +94,7 @@ export class Actions {
     this.#inverted = !this.#inverted;
   }
 
-  /** Black for white is for windows: colours would be wrong. */
+  /** Inverting black and white suits grey pictures only: colours would be wrong. */
   get #grey() {
     const { scene } = this.#with.store;
     return scene !== null && contextOf(scene.mode) !== 'volume';

@@ -1,12 +1,12 @@
-// The address: a volume and a view of it after the #, "#head&mode=mpr&mpr.center=0,0,12". What stands after a # is sent to
-// nobody; tokens never stand there for longer than it takes to read them.
+// The page's address: a volume and a view of it after the #, "#head&mode=mpr&mpr.center=0,0,12". Browsers do not send
+// the part after the # to servers. Tokens are removed from it as soon as they are read.
 
 import { contextOf } from './bindings.js';
 import { patchFor, valueAt } from './panels.js';
 import { joinPatches } from './state.js';
 import { fromHex, toHex } from './transfer_model.js';
 
-const REST_MS = 300; // browsers count how often a page writes its address
+const REST_MS = 300; // browsers limit how often a page may change its address
 const CAMERA = ['projection', 'position', 'target', 'up', 'fovY', 'height'].map((name) => `camera.${name}`);
 const PLANE = ['orientation', 'center', 'normal', 'up', 'zoom', 'thickness', 'projection'].map((name) => `mpr.${name}`);
 const WINDOW = ['window.center', 'window.width'];
@@ -14,20 +14,20 @@ const SHADING = ['model', 'gradient', 'ambient', 'diffuse', 'specular', 'shinine
 const LABELS = ['volume', 'opacity', 'visible', 'colors'].map((name) => `labels.${name}`);
 const VIEW = {
   volume: [...CAMERA, 'transferFunction.preset'],
-  own: [...CAMERA, 'transferFunction.points', 'transferFunction.unitDistance', 'hideTable', ...SHADING], // no preset's look
+  own: [...CAMERA, 'transferFunction.points', 'transferFunction.unitDistance', 'hideTable', ...SHADING], // no preset
   surface: [...CAMERA, 'isosurface.value'],
   splat: [...CAMERA, 'splat.threshold'],
   projection: [...CAMERA, ...WINDOW],
   slices: [...PLANE, ...WINDOW],
 };
 const EVERY = new Set(['mode', ...Object.values(VIEW).flat(), ...LABELS]);
-const MOST_KNOTS = 64; // a longer list is no address any more
+const MOST_KNOTS = 64; // a longer list is left out of the address
 
 const short = (number) => Number(Number(number.toPrecision(7)).toFixed(6)); // to a nanometre
 const written = (value) =>
   [value].flat().map((part) => (typeof part === 'number' ? short(part) : encodeURIComponent(part)));
 
-/** Lists with more in them than numbers: "-400:ff8000:o0.2" is a knot, "3:ff0000:1" a label's colour and alpha. */
+/** Lists of more than plain numbers: "-400:ff8000:o0.2" is a knot, "3:ff0000:1" a label's colour and alpha. */
 const LISTS = {
   'transferFunction.points': {
     write: (points) =>
@@ -56,7 +56,7 @@ const viewOf = ({ mode, transferFunction }) => {
   return own ? 'own' : contextOf(mode);
 };
 
-/** "&mode=mip&camera.position=0,-400,0..." of what a scene is looked at with */
+/** "&mode=mip&camera.position=0,-400,0...": the view of a scene */
 export function viewText(scene) {
   const paths = ['mode', ...VIEW[viewOf(scene)], ...(scene.labels?.volume ? LABELS : [])];
   const known = paths.map((path) => [path, valueAt(scene, path)]).filter(([, value]) => (value ?? '') !== '');
@@ -68,13 +68,13 @@ const decoded = (text) => {
   try {
     return decodeURIComponent(text);
   } catch {
-    return ''; // a % that encodes nothing
+    return ''; // an invalid % sequence
   }
 };
 
 const WORDS = { true: true, false: false };
 
-/** @returns the value of a member, undefined where it is broken */
+/** @returns the value of a member, undefined if invalid */
 function read(path, text) {
   if (path === 'labels.visible' && text === 'none') return [];
   const parts = text.split(',').map(decoded);
@@ -86,7 +86,10 @@ function read(path, text) {
   return values.length > 1 || path === 'labels.visible' ? values : values[0];
 }
 
-/** @returns {{volume: string, view: object|null}} what an address's hash names, and the scene's members it gives */
+/**
+ * Parses an address's hash.
+ * @returns {{volume: string, view: object|null}} the volume, and the members of the scene in the hash
+ */
 export function readHash(hash) {
   const [first, ...rest] = hash.slice(1).split('&');
   let view = null;
@@ -95,17 +98,17 @@ export function readHash(hash) {
     const value = EVERY.has(path) && text ? read(path, text) : undefined;
     if (value !== undefined) view = joinPatches(view ?? {}, patchFor({}, path, value));
   }
-  return { volume: first.includes('=') ? '' : decoded(first), view }; // "share=..." is no volume
+  return { volume: first.includes('=') ? '' : decoded(first), view }; // "share=..." is not a volume
 }
 
 export class Address {
   #store;
   #on;
-  #volume = ''; // what is shown
-  #fresh = ''; // text of the view as the volume opened: the short address stands for it
+  #volume = ''; // the volume shown
+  #fresh = ''; // the view as the volume opened, which the short address represents
   #timer = 0;
 
-  /** on: open(volume, view) where the address has come to name another volume */
+  /** on: open(volume, view) when the address names another volume */
   constructor(store, on) {
     this.#store = store;
     this.#on = on;
@@ -113,7 +116,7 @@ export class Address {
     addEventListener('hashchange', () => this.#went());
   }
 
-  /** A volume is shown, with the view that it opens with or that the address gave. joined: in somebody's session */
+  /** A volume is shown, with its default view or that of the address. joined: in another user's session */
   opened(volume, { joined }) {
     const { volume: before, view } = readHash(location.hash);
     const push = before && before !== volume && !joined;
@@ -124,19 +127,19 @@ export class Address {
     history[push ? 'pushState' : 'replaceState'](null, '', location.pathname + search + hash);
   }
 
-  /** Writes what is still to be written. */
+  /** Writes a pending change of the address now. */
   flush() {
     clearTimeout(this.#timer);
     this.#timer = 0;
     if (!this.#volume || !this.#store.scene) return;
     const named = readHash(location.hash).volume;
     const hash = this.#hash();
-    if ((named && named !== this.#volume) || hash === location.hash) return; // on the way to another one
+    if ((named && named !== this.#volume) || hash === location.hash) return; // another volume is being opened
     if (!named && viewText(this.#store.scene) === this.#fresh) return;
     history.replaceState(null, '', location.pathname + location.search + hash);
   }
 
-  /** A link to a session, that opens the same view anew once the session is gone. */
+  /** Adds the view to a link to a session, so that the link still opens that view after the session has ended. */
   attach(link) {
     const url = new URL(link);
     const view = encodeURIComponent(this.#volume) + viewText(this.#store.scene);
@@ -153,7 +156,7 @@ export class Address {
     if (!this.#timer && this.#volume) this.#timer = setTimeout(() => this.flush(), REST_MS);
   }
 
-  // Back, forward, or another address typed.
+  // Back, forward, or an edited address.
   #went() {
     clearTimeout(this.#timer);
     this.#timer = 0;

@@ -1,9 +1,9 @@
-// HTTP to the daemon: JSON in and out, RFC 9457 problems as exceptions. Addresses are relative to the page's folder, so
-// that the client also works behind a proxy that adds a path.
+// HTTP to the daemon: JSON in and out, RFC 9457 problems as exceptions. URLs are relative to the page's folder, so that
+// the client also works behind a proxy that adds a path.
 
 const TOKEN_KEY = 'tomocast.token';
 
-/** A reply that is not a success. `status` 0: there was no reply at all. */
+/** A reply other than success. `status` 0: no reply. */
 export class Problem extends Error {
   constructor(status, { title, detail, type, pointer } = {}) {
     super(detail || title || `status ${status}`);
@@ -17,7 +17,9 @@ export class Problem extends Error {
 export class Api {
   #base;
   #asking = null;
-  /** (wrong) => Promise of a token, "" = none: called when the daemon wants one; wrong: it refused the last. */
+  /**
+   * (wrong) => Promise of a token, "" = none. Called when the daemon requires a token; wrong: it refused the last one.
+   */
   ask = null;
 
   constructor(base = document.baseURI) {
@@ -36,7 +38,7 @@ export class Api {
     return new URL(path, this.#base);
   }
 
-  /** Address of a WebSocket on the same host. */
+  /** URL of a WebSocket on the same host. */
   socketUrl(path) {
     const url = this.url(path);
     url.protocol = url.protocol === 'https:' ? 'wss:' : 'ws:';
@@ -47,7 +49,11 @@ export class Api {
     return this.token ? { Authorization: `Bearer ${this.token}` } : {};
   }
 
-  /** @returns {Promise<Response>} a success, if need be once the user has given a token; @throws {Problem} */
+  /**
+   * Fetches, and asks the user for a token if the daemon requires one.
+   * @returns {Promise<Response>} a success
+   * @throws {Problem}
+   */
   async fetch(method, path, options = {}) {
     for (;;) {
       const { token } = this;
@@ -59,7 +65,7 @@ export class Api {
     }
   }
 
-  // One question for all calls that wait for its answer.
+  // All calls that need a token wait for the same dialog.
   #asked(wrong) {
     const take = (token) => {
       if (token) this.token = token;
@@ -85,7 +91,7 @@ export class Api {
     }
   }
 
-  /** Address of a WebSocket that carries no token: a ticket that is good once stands in for it. */
+  /** URL of a WebSocket with a one-time ticket instead of the token. */
   async streamUrl(session) {
     const url = new URL(this.socketUrl(`v1/sessions/${encodeURIComponent(session)}/stream`));
     if (!this.token) return url.href;
@@ -94,7 +100,7 @@ export class Api {
     return url.href;
   }
 
-  /** @returns {Promise<object|null>} the reply's JSON, null when it has none */
+  /** @returns {Promise<object|null>} the reply's JSON, null if it has none */
   async json(method, path, options) {
     const reply = await this.fetch(method, path, options);
     const text = await reply.text();
@@ -102,7 +108,7 @@ export class Api {
   }
 
   /**
-   * Sends a file, with progress.
+   * Uploads a file with progress.
    * @param {(fraction: number) => void} onProgress
    * @returns {{done: Promise<object|null>, cancel: () => void}}
    */

@@ -1,7 +1,7 @@
-// What keys, drags, wheel and fingers do: one table. keys.js and input.js look actions up in it, the help dialog shows
-// it and changes it; changes stay in this browser.
+// The bindings of keys, drags, wheel and fingers in one table. keys.js and input.js look actions up in it; the help
+// dialog shows and edits it. Changes are stored in this browser.
 //
-// A chord is text that people can read: "A", "Shift+F", "Ctrl+Z", "ArrowLeft", "Left drag", "Ctrl+Wheel".
+// A chord is readable text: "A", "Shift+F", "Ctrl+Z", "ArrowLeft", "Left drag", "Ctrl+Wheel".
 
 const STORED = 'tomocast.bindings';
 const EVERY = ['volume', 'projection', 'slices'];
@@ -9,7 +9,7 @@ const SOLID = ['volume', 'projection'];
 const GREY = ['projection', 'slices'];
 const SLICES = ['slices'];
 
-/** The part of the table that a mode uses. */
+/** The context of the table that a mode uses. */
 export function contextOf(mode) {
   if (mode === 'mpr') return 'slices';
   return ['mip', 'minip', 'average'].includes(mode) ? 'projection' : 'volume';
@@ -27,9 +27,7 @@ const tilt = (name, x, y, key) =>
 
 const view = (letter, name) => row(`view-${letter}`, `${name} view`, [letter], { does: 'view', with: letter });
 
-/**
- * id: what is stored. does, with: the action and its argument. in: contexts; fixed: cannot be changed.
- */
+/** id: key of the stored bindings. does, with: the action and its argument. in: contexts; fixed: cannot be changed. */
 export const TABLE = [
   {
     group: 'Pointer on the 3-D picture',
@@ -128,15 +126,18 @@ export const TABLE = [
 const ROWS = TABLE.flatMap(({ rows }) => rows);
 const TOUCH = /finger|Pinch|Twist/;
 
-/** Chords of hands on glass are as they are. */
+/** Touch chords cannot be changed. */
 export const isFixed = (entry, chord) => Boolean(entry.fixed) || TOUCH.test(chord);
 
-/** "keys" or "pointer": what a row can be bound to. */
+/** "keys" or "pointer": the kind of chords a row can have. */
 export const kindOf = (entry) => (/drag|Wheel|finger|click/i.test(entry.chords[0]) ? 'pointer' : 'keys');
 
 const modifiers = ({ ctrlKey, metaKey, altKey }) => `${ctrlKey || metaKey ? 'Ctrl+' : ''}${altKey ? 'Alt+' : ''}`;
 
-/** The chord of a keydown, "" for a modifier alone. Shift counts with letters and named keys; elsewhere it makes the sign. */
+/**
+ * The chord of a keydown, "" for a modifier alone. Shift counts with letters and named keys; with others it selects the
+ * character.
+ */
 export function keyChord(event) {
   const { key } = event;
   if (['Shift', 'Control', 'Alt', 'AltGraph', 'Meta', 'Dead', 'Unidentified'].includes(key)) return '';
@@ -145,7 +146,7 @@ export function keyChord(event) {
   return modifiers(event) + shift + name;
 }
 
-/** The chord of a pointer that goes down. */
+/** The chord of a pointerdown. */
 export function dragChord(event) {
   if (event.pointerType === 'touch') return 'One finger';
   const button = ['Left', 'Middle', 'Right'][event.button] ?? 'Left';
@@ -167,7 +168,7 @@ export class Bindings {
     return this.#own[id] ?? chords;
   }
 
-  /** @returns the row that a chord means in a mode, or null; a drag with strange modifiers is one without */
+  /** @returns the row of a chord in a mode, or null; unknown modifiers of a drag are ignored */
   find(chord, mode) {
     const context = contextOf(mode);
     const exact = (text) =>
@@ -175,7 +176,7 @@ export class Bindings {
     return exact(chord) ?? (/drag|Wheel/.test(chord) ? exact(chord.split('+').at(-1)) : null) ?? null;
   }
 
-  /** Puts `chord` in the place of `old`; an empty chord takes it away. */
+  /** Replaces the chord `old` by `chord`; "" removes it. */
   rebind(entry, old, chord) {
     const next = this.chords(entry).flatMap((text) => (text === old ? [] : [text]));
     if (chord && !next.includes(chord)) next.push(chord);
@@ -192,14 +193,14 @@ export class Bindings {
     return Object.keys(this.#own).length > 0;
   }
 
-  /** Titles of the other rows that want the same chord where this row wants it. */
+  /** Titles of the other rows with the same chord in a common context. */
   conflicts(entry, chord) {
     const rival = (other) => other !== entry && other.in.some((context) => entry.in.includes(context));
     return ROWS.filter((other) => rival(other) && this.chords(other).includes(chord)).map(({ title }) => title);
   }
 }
 
-// What somebody else left there is read with care: known rows, texts.
+// Reads the storage defensively, since other pages may have written it: known rows with texts only.
 function stored(storage) {
   try {
     const found = Object.entries(JSON.parse(storage?.getItem(STORED) ?? '{}'));

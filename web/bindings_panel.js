@@ -1,4 +1,4 @@
-// The table of bindings as the help dialog shows it; every chord is a button that takes another one.
+// The table of bindings in the help dialog; every chord is a button that records a new one.
 
 import { dragChord, isFixed, keyChord, kindOf, TABLE, wheelChord } from './bindings.js';
 
@@ -25,7 +25,7 @@ export class BindingsPanel {
   #host;
   #reset;
   #bindings;
-  #taking = null; // {entry, chord}: waits for its new chord
+  #taking = null; // {entry, chord} being recorded
 
   constructor(host, reset, bindings) {
     this.#host = host;
@@ -110,10 +110,10 @@ export class BindingsPanel {
     this.#leave();
   }
 
-  // The table is made anew: the row keeps the focus.
+  // The table is rebuilt; keeps the focus in the row.
   #leave() {
     const { id } = this.#taking.entry;
     this.#take(null);
-    setTimeout(() => this.#host.querySelector(`[data-action="${id}"] button`)?.focus()); // after the pointer's own focus
+    setTimeout(() => this.#host.querySelector(`[data-action="${id}"] button`)?.focus()); // after the pointer event
   }
 }

@@ -1,12 +1,12 @@
-// What the next picture waits for, where building it takes long (BuildingMessage): shown over the picture that stays
-// meanwhile, and given up on demand, which takes the last edit back.
+// Shows the progress of the resource that the next picture waits for (BuildingMessage), over the current picture. On
+// cancel the last edit is undone.
 
 const WORDS = { mesh: 'Extracting surfaces', splats: 'Collecting voxels', coefficients: 'Preparing the filter' };
 
 export class Building {
   #get;
 
-  /** cancel(): gives it up */
+  /** cancel(): cancels the build */
   constructor(get, cancel) {
     this.#get = get;
     get('building-cancel').addEventListener('click', () => {

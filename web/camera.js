@@ -1,10 +1,10 @@
-// Camera mathematics: plain values in, new plain values out. Nothing here knows of pixels on a screen beyond a height.
+// Camera mathematics: plain values in, new plain values out. No screen pixels except for a height.
 //
-// A camera is a scene's `camera` member: projection, position, target, up (mm, patient LPS: x to the patient's left,
-// y to the back, z to the head), fovY (degrees), height (mm, orthographic).
+// A camera is a scene's `camera` member: projection, position, target, up (mm, patient LPS: x to the patient's left, y
+// to the back, z to the head), fovY (degrees), height (mm, orthographic).
 
 const RADIANS = Math.PI / 180;
-const MIN_DISTANCE_MM = 0.01; // volumes of a microscope are a few mm wide
+const MIN_DISTANCE_MM = 0.01; // microscopy volumes are a few mm wide
 const MAX_DISTANCE_MM = 1e5;
 
 export const add = (a, b) => [a[0] + b[0], a[1] + b[1], a[2] + b[2]];
@@ -24,7 +24,7 @@ export function rotate(v, axis, angle) {
   return add(add(scale(v, c), scale(cross(axis, v), s)), scale(axis, dot(axis, v) * (1 - c)));
 }
 
-/** Unit vectors of the picture: into it, to its right, to its top. A degenerate `up` is replaced by one that works. */
+/** Unit vectors of the picture: into it, right, up. Replaces a degenerate `up`. */
 export function basis(camera) {
   let direction = normalize(sub(camera.target, camera.position));
   if (length(direction) < 0.5) direction = [0, 1, 0];
@@ -36,13 +36,13 @@ export function basis(camera) {
 
 export const distance = (camera) => length(sub(camera.target, camera.position));
 
-/** What the picture's height spans at the target, mm. */
+/** Height of the picture at the target, mm. */
 export function spanAtTarget(camera) {
   if (camera.projection === 'orthographic') return camera.height;
   return 2 * distance(camera) * Math.tan((camera.fovY * RADIANS) / 2);
 }
 
-/** Turns the camera about its target: yaw about the picture's vertical, pitch about its horizontal. Degrees. */
+/** Orbits the camera about its target: yaw about the picture's vertical, pitch about its horizontal. Degrees. */
 export function orbit(camera, yaw, pitch) {
   const { right, up } = basis(camera);
   const offset = sub(camera.position, camera.target);
@@ -50,13 +50,13 @@ export function orbit(camera, yaw, pitch) {
   return { ...camera, position: add(camera.target, turn(offset)), up: normalize(turn(up)) };
 }
 
-/** Turns the picture in its own plane, degrees, positive turns it counter-clockwise. */
+/** Rolls the picture in its plane, degrees, positive is counter-clockwise. */
 export function roll(camera, degrees) {
   const { direction, up } = basis(camera);
   return { ...camera, up: normalize(rotate(up, direction, degrees * RADIANS)) };
 }
 
-/** Moves the picture by (dx, dy) pixels, y down, in a picture `heightPx` high: what lies at the target follows. */
+/** Pans by (dx, dy) pixels, y down, in a picture `heightPx` high: the point at the target follows the pointer. */
 export function pan(camera, dx, dy, heightPx) {
   const { right, up } = basis(camera);
   const mm = spanAtTarget(camera) / heightPx;
@@ -64,7 +64,7 @@ export function pan(camera, dx, dy, heightPx) {
   return { ...camera, position: add(camera.position, move), target: add(camera.target, move) };
 }
 
-/** factor > 1 makes things larger. A perspective camera moves, a parallel one changes its height. */
+/** factor > 1 enlarges. A perspective camera moves, an orthographic one changes its height. */
 export function zoom(camera, factor) {
   if (camera.projection === 'orthographic') {
     return { ...camera, height: clamp(camera.height / factor, MIN_DISTANCE_MM, MAX_DISTANCE_MM) };
@@ -75,7 +75,7 @@ export function zoom(camera, factor) {
   return { ...camera, position: add(camera.target, scale(offset, next / now)) };
 }
 
-/** The other projection, showing the target at the same size. */
+/** Switches the projection and keeps the size at the target. */
 export function withProjection(camera, projection) {
   const span = spanAtTarget(camera);
   const { direction } = basis(camera);
@@ -84,8 +84,10 @@ export function withProjection(camera, projection) {
   return { ...camera, projection, position: sub(camera.target, scale(direction, away)) };
 }
 
-/** Standard views: the side of the patient that faces the viewer, and what is up. H and F have the front on top, so
- * that F looks as radiologists expect of axial slices: the patient's right on the left of the picture. */
+/**
+ * Standard views: the side of the patient facing the viewer, and the up direction. H and F have the front on top, so
+ * that F looks as radiologists expect axial slices: the patient's right on the left of the picture.
+ */
 export const STANDARD_VIEWS = {
   A: { from: [0, -1, 0], up: [0, 0, 1], title: 'Anterior' },
   P: { from: [0, 1, 0], up: [0, 0, 1], title: 'Posterior' },
@@ -95,7 +97,7 @@ export const STANDARD_VIEWS = {
   F: { from: [0, 0, -1], up: [0, -1, 0], title: 'Feet' },
 };
 
-/** Turns to a standard view; target, distance and zoom stay. */
+/** Rotates to a standard view; keeps target, distance and zoom. */
 export function standardView(camera, letter) {
   const view = STANDARD_VIEWS[letter];
   const away = distance(camera) || MIN_DISTANCE_MM;
@@ -109,8 +111,8 @@ export function columns({ direction = [1, 0, 0, 0, 1, 0, 0, 0, 1] }) {
 }
 
 /**
- * Box of a volume in LPS, from the description the daemon gives. Voxel centres span [0, n-1]; an axis with one voxel is
- * one spacing thick. `edges` are the volume's own three, which low and high just hold.
+ * Bounding box of a volume in LPS, from the daemon's description. Voxel centres span [0, n-1]; an axis with one voxel
+ * is one spacing thick. `edges` are the volume's own three edges; low and high bound the axis-aligned box.
  * @returns {{center: number[], radius: number, low: number[], high: number[], edges: number[][]}} mm
  */
 export function volumeBox(volume) {
@@ -133,7 +135,7 @@ export function volumeBox(volume) {
   return { low, high, edges, center: scale(add(low, high), 0.5), radius: length(sub(high, low)) / 2 };
 }
 
-/** Moves the camera along its direction until the whole box shows in a picture of aspect width/height. */
+/** Moves the camera along its direction until the whole box fits a picture of aspect width/height. */
 export function fit(camera, box, aspect) {
   const { direction, right, up } = basis(camera);
   const half = scale(sub(box.high, box.low), 0.5);
@@ -151,7 +153,7 @@ const LETTERS = [
   ['H', 'F'],
 ];
 
-/** Letters of a patient direction, strongest first: "A", "AL", "HAR". Components under `threshold` are left out. */
+/** Letters of a patient direction, strongest first: "A", "AL", "HAR". Components below `threshold` are dropped. */
 export function letters(vector, threshold = 0.26) {
   return normalize(vector)
     .map((value, axis) => ({ size: Math.abs(value), letter: LETTERS[axis][value > 0 ? 0 : 1] }))
@@ -161,13 +163,13 @@ export function letters(vector, threshold = 0.26) {
     .join('');
 }
 
-/** What lies towards each edge of the picture. */
+/** The letters of the picture's four edges. */
 export function edgeLetters({ right, up }) {
   const minus = (v) => scale(v, -1);
   return { right: letters(right), left: letters(minus(right)), top: letters(up), bottom: letters(minus(up)) };
 }
 
-/** Axes of a slice: to its right, to its top, and into it. Axial is seen from the feet, sagittal from the left. */
+/** Axes of a slice: right, up, and into it. Axial is seen from the feet, sagittal from the left. */
 export function sliceBasis(mpr) {
   switch (mpr?.orientation) {
     case 'coronal':
@@ -181,7 +183,7 @@ export function sliceBasis(mpr) {
   }
 }
 
-/** A length for a scale bar: 1, 2 or 5 times a power of ten, at most `most`. */
+/** Length of a scale bar: 1, 2 or 5 times a power of ten, at most `most`. */
 export function roundLength(most) {
   const power = 10 ** Math.floor(Math.log10(most));
   const lead = most / power;

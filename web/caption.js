@@ -1,25 +1,29 @@
-// What is said of the picture on the canvas: edge letters, cube, scale bar, words. All of it comes from the frame that
-// was drawn and the part of the scene in its header, never from the scene that is being edited: a picture that is late,
-// or the last one before the connection broke, keeps its own letters, and says that it is not the newest.
+// Annotations of the picture on the canvas: edge letters, cube, scale bar, words. All come from the drawn frame and the
+// part of the scene in its header, never from the scene being edited. So a picture that is late, or the last one before
+// the connection broke, keeps its own annotations and says that it is not current.
 
 import { dot, letters, sliceBasis, spanAtTarget, volumeBox } from './camera.js';
 import { sliceEnds, sliceHeight, sliceStep } from './steer.js';
 import { placeText } from './units.js';
 
-const MOST_NAMES = 4; // of surfaces on a line
-const LATE_MS = 1500; // an edit whose picture takes longer is said to be missing
+const MOST_NAMES = 4; // surfaces named in a line
+const LATE_MS = 1500; // an edit without a picture after this time is announced
 
 const number = (value) => String(Number(value.toPrecision(4)));
 
-/** mm of a CSS pixel, 0 in perspective. @param size {width, height} of the picture @param stage of its element, CSS px */
+/**
+ * mm per CSS pixel, 0 in perspective.
+ * @param size {width, height} of the picture
+ * @param stage of its element, CSS px
+ */
 export function pictureScale(scene, size, stage, box) {
-  const shownHeight = Math.min(stage.height, (stage.width * size.height) / size.width); // the whole picture is shown
+  const shownHeight = Math.min(stage.height, (stage.width * size.height) / size.width); // the whole picture is visible
   if (scene.mode === 'mpr') return sliceHeight(scene, size, box) / shownHeight;
   return scene.camera.projection === 'orthographic' ? spanAtTarget(scene.camera) / shownHeight : 0;
 }
 
 /**
- * Where a slice is among those of its direction.
+ * Position of a slice in the stack of its direction.
  * @returns {{index: number, count: number, step: number, axis: number[]}} index from 0, may be a fraction; step in mm
  *   along the unit vector `axis`
  */
@@ -32,19 +36,19 @@ export function slicePosition(mpr, volume) {
   return { index: (at - low) / step, count: Math.round((high - low) / step) + 1, step, axis: direction };
 }
 
-/** "H 12.5 mm": how far from the origin a plane through `point` lies, and to which side; of a turned plane "LH". */
+/** "H 12.5 mm": distance and side of a plane through `point` from the origin; "LH" for an oblique plane. */
 function planePlace(point, axis, extent) {
   const along = dot(point, axis);
   return `${letters(along < 0 ? axis.map((x) => -x) : axis)} ${placeText(Math.abs(along), extent)} mm`;
 }
 
-/** "Slab 12.5 mm" where two planes face each other, as of a projection through a part of the volume. */
+/** "Slab 12.5 mm" if two planes face each other, as for a projection through a slab. */
 function slabLine(planes) {
   if (planes?.length !== 2 || dot(planes[0], planes[1]) > -0.999) return '';
   return `Slab ${number(planes[0][3] + planes[1][3])} mm`;
 }
 
-/** What surfaces are of: a list, all labels, or one value. */
+/** What the surfaces show: a list, all labels, or one value. */
 function surfaceLine({ isosurface, labels, mesh }, unit) {
   const list = (mesh?.surfaces ?? []).filter(({ visible }) => visible !== false);
   const names = list.map(({ value, label, mesh: id, plane }) => {
@@ -67,7 +71,7 @@ function sliceLines(mpr, volume) {
   return [`Slice ${shown} / ${count} \u00b7 ${planePlace(mpr.center ?? box.center, axis, 2 * box.radius)}`, slab];
 }
 
-/** Lines that name the picture of a scene. titles: mode(name), preset(name), plane(name) */
+/** Lines that describe the picture. titles: mode(name), preset(name), plane(name) */
 export function captionLines(scene, volume, titles) {
   const { id = '', modality = '', unit = '', frames = 1 } = volume;
   const part = frames > 1 && `Volume ${volume.volume} of ${frames}`;
@@ -100,12 +104,12 @@ export class Caption {
     this.#titles = titles;
   }
 
-  /** The part of the scene that the picture on the canvas shows, and its size; null before there is one. */
+  /** The scene members and the size of the picture on the canvas; null before the first one. */
   get scene() {
     return this.#header?.scene ?? null;
   }
 
-  /** The picture shows every edit made. */
+  /** Whether the picture shows every edit. */
   get current() {
     return this.#header !== null && this.#pending === 0;
   }
@@ -114,7 +118,10 @@ export class Caption {
     return this.#header;
   }
 
-  /** Where in the picture a point of the stage lies, in shares of its sides from the top left; null beside it. CSS px */
+  /**
+   * Position of a point of the stage (CSS px) in the picture, as fractions of its sides from the top left; null
+   * outside.
+   */
   placeOf(x, y) {
     const { clientWidth, clientHeight } = this.#get('stage');
     const { width, height } = this.size;
@@ -123,13 +130,13 @@ export class Caption {
     return place.every((share) => share >= 0 && share < 1) ? place : null;
   }
 
-  /** Another volume of the same file: the next picture shows it. */
+  /** Another volume of the same file, which the next picture shows. */
   set volume(volume) {
     this.#volume = volume;
     this.update();
   }
 
-  /** Another volume: there is no picture of it yet. */
+  /** Another volume, without a picture yet. */
   clear(volume) {
     this.#volume = volume;
     this.#header = null;
@@ -148,14 +155,14 @@ export class Caption {
     this.#state();
   }
 
-  /** So many edits are on their way to a picture. */
+  /** Number of edits without a picture so far. */
   pending(count) {
     const began = count > 0 && this.#pending === 0;
     this.#pending = count;
     if (began || !count) this.#wait();
   }
 
-  /** After the stage has changed its size. */
+  /** Call after the stage changed its size. */
   update() {
     const stage = this.#get('stage');
     stage.classList.toggle('bare', !this.#header);
@@ -167,7 +174,7 @@ export class Caption {
     this.#get('label').textContent = captionLines(scene, this.#volume, this.#titles).join('\n');
     const { background } = scene.image;
     const light = Array.isArray(background) && background[0] + background[1] + background[2] > 1.8;
-    stage.classList.toggle('light', light); // dark marks on a light ground
+    stage.classList.toggle('light', light); // dark annotations on a light background
   }
 
   #wait() {

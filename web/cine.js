@@ -1,16 +1,16 @@
-// Cine: the picture turns, or the slices run, until somebody takes over.
+// Cine: turns the picture, or scrolls the slices, until the user takes over.
 
 const TURN_DEGREES_S = 36;
 const SLICES_S = 10;
-const LONGEST_S = 0.1; // a tab that was away does not jump
+const LONGEST_S = 0.1; // longest time step, so that a hidden tab does not jump
 
 export class Cine {
   #on;
   #timer = 0;
   #last = 0;
-  #rest = 0; // of a slice
+  #rest = 0; // fraction of a slice
 
-  /** on: mode() or undefined without a scene; gesture(bool); move({orbit} or {slices}); atEnd() of the slices */
+  /** on: mode(), undefined without a scene; gesture(bool); move({orbit} or {slices}); atEnd() of the slices */
   constructor(on) {
     this.#on = on;
   }

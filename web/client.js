@@ -1,4 +1,4 @@
-// The facade: one volume, one session, one connection. Joins the scene store, the wire and the view.
+// Facade of the client: one volume, one session, one connection. Connects the scene store, the wire and the view.
 
 import { linked } from './access.js';
 import { Problem } from './api.js';
@@ -9,14 +9,14 @@ import { Wire } from './wire.js';
 const REFRESH_MS = 300;
 
 /**
- * Events, each one callback in `on`, all but size() optional:
- *   size()                   {width, height} that pictures are wanted in, pixels
- *   session({id, volume})     there is a session, new or found again
+ * Events: one callback each in `on`, all but size() optional:
+ *   size()                   {width, height} of the pictures wanted, pixels
+ *   session({id, volume})     a session was created or joined
  *   connection(state)         see wire.js
  *   frame({header, bytes, roundTripMs?})  a frame is on the canvas
- *   viewOnly()               the user may not change the scene: edits are taken back
- *   pending(count)           so many patches are on their way to a picture
- *   problem(Problem|Error, patch?)        the daemon refused something; the old scene stays
+ *   viewOnly()               the user may not change the scene: edits are undone
+ *   pending(count)           number of patches without a picture so far
+ *   problem(Problem|Error, patch?)        the daemon refused a patch; the old scene stays
  *   beforeFlush()             last chance to edit the scene before this display frame's patch
  */
 export class Client {
@@ -28,12 +28,12 @@ export class Client {
   #volume = '';
   #session = '';
   #viewOnly = false;
-  #owned = false; // we made the session and nobody was given its address
+  #owned = false; // created here and not shared
   #sequence = 0;
-  #sent = new Map(); // sequence -> {at, patch}: not yet seen in a frame
+  #sent = new Map(); // sequence -> {at, patch} without a frame so far
   #active = 0;
   #scheduled = false;
-  #others = 0; // changes by others that the last frame knew of
+  #others = 0; // changes by others up to the last frame
   #refreshTimer = 0;
 
   constructor({ api, store, view, on }) {
@@ -53,8 +53,8 @@ export class Client {
   }
 
   /**
-   * Address other people can open to see the same session, and with the role "edit" to steer it. Who came by a link
-   * hands that on.
+   * URL that opens the same session for others, with the role "edit" to edit it. For a user who came by a link, that
+   * link.
    * @throws {Problem}
    */
   async share(role) {
@@ -67,20 +67,20 @@ export class Client {
       const path = `v1/sessions/${encodeURIComponent(this.#session)}/share`;
       url.hash = `share=${(await this.#api.json('POST', path, { json: { role } })).token}`;
     } else {
-      url.searchParams.set('session', this.#session); // a daemon without tokens needs no link
+      url.searchParams.set('session', this.#session); // without tokens the id is enough
     }
     return url.href;
   }
 
-  /** Starts a session of our own. `scene` may be partial. @throws {Problem} */
+  /** Creates a session. `scene` may be partial. @throws {Problem} */
   async create(volume, scene) {
-    const made = await this.#ask(volume, scene); // first: when it is refused, the old session goes on
+    const made = await this.#ask(volume, scene); // before leaving, so that a refusal keeps the old session
     this.leave();
     this.#adopt(made, volume);
     this.#start();
   }
 
-  /** Joins a session that exists. @throws {Problem} */
+  /** Joins an existing session. @throws {Problem} */
   async join(session) {
     this.leave();
     const found = await this.#api.json('GET', `v1/sessions/${encodeURIComponent(session)}`);
@@ -92,7 +92,7 @@ export class Client {
     this.#start();
   }
 
-  /** Ends the connection, and the session where it was ours alone. Safe to call as the page closes. */
+  /** Closes the connection, and ends the session if it was created here and not shared. Works while the page closes. */
   leave() {
     this.#wire?.close();
     this.#wire = null;
@@ -120,12 +120,12 @@ export class Client {
     this.#wire?.send({ type: 'pointer', phase: on ? 'start' : 'end' });
   }
 
-  /** Gives up what the next picture waits for. */
+  /** Cancels the build that the next picture waits for. */
   cancel() {
     this.#wire?.send({ type: 'cancel' });
   }
 
-  /** Sends what was edited with the next display frame: at most one patch each. */
+  /** Sends the edits with the next display frame: at most one patch per frame. */
   flushSoon() {
     if (this.#scheduled) return;
     this.#scheduled = true;
@@ -135,12 +135,12 @@ export class Client {
     });
   }
 
-  /** Has the session show another volume, with its scene as it is. @throws {Problem} */
+  /** Switches the session to another volume, keeping its scene. @throws {Problem} */
   show(volume) {
     return this.#api.fetch('PATCH', `v1/sessions/${encodeURIComponent(this.#session)}`, { json: { volume } });
   }
 
-  /** Replaces the whole scene, for "load scene". @throws {Problem} naming what is wrong with it */
+  /** Replaces the whole scene, for "load scene". @throws {Problem} for an invalid scene */
   async putScene(scene) {
     await this.#api.fetch('PUT', `v1/sessions/${encodeURIComponent(this.#session)}/scene`, { json: scene });
     this.#store.take();
@@ -149,7 +149,7 @@ export class Client {
 
   #flush() {
     this.#on.beforeFlush?.();
-    if (!this.connected || !this.#store.dirty) return; // kept until there is a connection
+    if (!this.connected || !this.#store.dirty) return; // kept until connected
     const patch = this.#store.take();
     if (this.#viewOnly) {
       this.#refreshSoon(0);
@@ -162,7 +162,7 @@ export class Client {
   }
 
   #ask(volume, scene) {
-    if (scene?.labels?.volume) scene = { ...scene, labels: { ...scene.labels, force: true } }; // it was taken before
+    if (scene?.labels?.volume) scene = { ...scene, labels: { ...scene.labels, force: true } }; // accepted before
     return this.#api.json('POST', 'v1/sessions', { json: scene ? { volume, scene } : { volume } });
   }
 
@@ -176,7 +176,7 @@ export class Client {
   }
 
   #start() {
-    let known = true; // it was there a moment ago
+    let known = true; // the session existed a moment ago
     const address = () => {
       const found = known ? this.#address() : this.#locate();
       known = false;
@@ -191,8 +191,8 @@ export class Client {
     this.#wire.open();
   }
 
-  // Before every attempt but the first: is the session still there? A daemon that was restarted may not know it; then the scene this
-  // client holds becomes a new one, and the user goes on where they were.
+  // Before every attempt but the first: checks that the session exists. If the daemon was restarted, creates a new
+  // session with this client's scene, so that the user can continue.
   async #locate() {
     try {
       await this.#api.json('GET', `v1/sessions/${encodeURIComponent(this.#session)}`);
@@ -234,7 +234,7 @@ export class Client {
     this.#sent.delete(seq);
     this.#on.pending?.(this.#sent.size);
     this.#on.problem?.(new Problem(problem?.status ?? 400, problem ?? {}), patch);
-    this.#refreshSoon(0); // the daemon kept its old scene: so do we
+    this.#refreshSoon(0); // the daemon kept its scene, so fetch it
   }
 
   #bytes(bytes) {
@@ -249,7 +249,7 @@ export class Client {
     this.#view.receive(frame);
   }
 
-  /** The view has drawn a frame. */
+  /** A frame is on the canvas. */
   drawn({ header, bytes }) {
     const now = performance.now();
     const own = this.#sent.get(header.seq);
@@ -260,7 +260,7 @@ export class Client {
     this.#on.frame?.({ header, bytes, roundTripMs: own ? now - own.at : undefined });
   }
 
-  /** Tells the size of the pictures this page wants; others of the session have theirs. */
+  /** Sends the size of the pictures wanted; other viewers of the session have their own. */
   resize() {
     this.#wire?.send({ type: 'size', ...this.#on.size() });
   }
@@ -274,13 +274,13 @@ export class Client {
     this.#refreshTimer = setTimeout(() => this.#refresh().catch(() => {}), ms);
   }
 
-  // Edits still on their way stay on top, so a refresh never pulls a slider back under the user's finger.
+  // Edits not yet in a picture stay on top, so that a refresh never moves a slider under the user's finger.
   async #refresh() {
     const session = this.#session;
     const scene = await this.#api.json('GET', `v1/sessions/${encodeURIComponent(session)}/scene`);
     if (session !== this.#session) return;
     if (this.#active) {
-      this.#refreshSoon(); // not under a moving finger
+      this.#refreshSoon(); // not during a gesture
       return;
     }
     this.#store.replace(
@@ -290,7 +290,7 @@ export class Client {
   }
 }
 
-/** Trying again helps nobody who is not let in. */
+/** Without permission a retry is useless. */
 function final(error) {
   return Object.assign(error, { fatal: error.status === 401 || error.status === 403 });
 }

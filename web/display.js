@@ -1,10 +1,10 @@
-// How a volume is shown best, as its description has it in `display`: presets fitted to its values and its size, windows
-// by mode.
+// Defaults for displaying a volume, from `display` in its description: presets fitted to its values and size, and
+// windows by mode.
 
-const MIDDLE = 0.35; // of a relative preset's values: where the middle of display.range is
-const SLAB = 0.05; // of the volume's extent: what mode minip shows, for the least of all of it is air
+const MIDDLE = 0.35; // value of a relative preset that maps to the middle of display.range
+const SLAB = 0.05; // part of the volume's extent shown in mode minip, since the minimum through all of it is air
 
-/** The patch that makes the picture what a preset says. @param range of the volume, where it has no display */
+/** The patch that selects a preset. @param range of the volume, used without a display */
 export function presetPatch(preset, display, [low, high]) {
   const [from, middle, to] = display?.range ?? [low, low + MIDDLE * (high - low), high];
   const between = (a, b, at) => a * (1 - at) + b * at;
@@ -19,7 +19,7 @@ export function presetPatch(preset, display, [low, high]) {
   return { transferFunction, ...(preset.shading && { shading: preset.shading }) };
 }
 
-/** Two planes about the middle of a box, across the view. */
+/** Two planes around the centre of a box, facing the view. */
 function slabAcross({ position, target }, { low, high, center }) {
   const away = target.map((t, k) => t - position[k]);
   const length = Math.hypot(...away);
@@ -32,7 +32,7 @@ function slabAcross({ position, target }, { low, high, center }) {
   ];
 }
 
-/** What a projection is seen well with: its window; minip as a slab. @returns a patch */
+/** The window that suits a projection, and for minip a slab. @returns a patch */
 export function projectionLook(mode, scene, display, box) {
   const window = display?.windows?.[mode];
   const slab = mode === 'minip' && box && scene.camera && slabAcross(scene.camera, box);

@@ -1,11 +1,10 @@
-// What lies over the picture: edge letters, the orientation cube, the scale bar. Reads the scene, changes nothing but
-// its own elements.
+// Overlays of the picture: edge letters, orientation cube, scale bar. Reads the scene, changes only its own elements.
 
 import { basis, dot, edgeLetters, roundLength, scale, sliceBasis, STANDARD_VIEWS } from './camera.js';
 import { lengthsText } from './units.js';
 
 const SVG = 'http://www.w3.org/2000/svg';
-const CUBE_HALF = 17; // of a 100-unit drawing
+const CUBE_HALF = 17; // in a drawing of 100 units
 const FACE_UP = { A: [0, 0, 1], P: [0, 0, 1], L: [0, 0, 1], R: [0, 0, 1], H: [0, -1, 0], F: [0, -1, 0] };
 
 export function svg(name, attributes = {}, parent = null) {
@@ -15,21 +14,21 @@ export function svg(name, attributes = {}, parent = null) {
   return element;
 }
 
-/** The picture's axes in the patient, whatever the mode. */
+/** The picture's axes in patient space, for every mode. */
 export function pictureBasis(scene) {
   return scene.mode === 'mpr' ? sliceBasis(scene.mpr) : basis(scene.camera);
 }
 
 /**
  * The cube's faces as the camera sees them, farthest first. `matrix` maps a face drawn in [-1, 1]^2 (y down) to the
- * cube's drawing; a face turned away has `facing` <= 0.
+ * drawing; back faces have `facing` <= 0.
  */
 export function cubeFaces({ right, up, direction }) {
   const flat = (v) => [dot(v, right) * CUBE_HALF, -dot(v, up) * CUBE_HALF];
   return Object.entries(STANDARD_VIEWS)
     .map(([letter, { from }]) => {
       const faceUp = FACE_UP[letter];
-      // right of a face for somebody who looks at it from outside: (-from) x up
+      // right of a face for a viewer outside: (-from) x up
       const faceRight = [
         from[2] * faceUp[1] - from[1] * faceUp[2],
         from[0] * faceUp[2] - from[2] * faceUp[0],
@@ -50,7 +49,7 @@ export class Furniture {
   #bar;
   #barLabel;
 
-  /** elements: {top, bottom, left, right, cube, bar, barLabel}; onView(letter) when a face of the cube is chosen */
+  /** elements: {top, bottom, left, right, cube, bar, barLabel}; onView(letter) when a face is clicked */
   constructor(elements, onView) {
     this.#marks = elements;
     this.#bar = elements.bar;
@@ -67,7 +66,7 @@ export class Furniture {
     }
   }
 
-  /** mmPerPixel: of a CSS pixel at the picture's plane, or 0 where a perspective has no one scale. */
+  /** mmPerPixel: per CSS pixel, or 0 in perspective, which has no single scale. */
   update(scene, mmPerPixel) {
     const axes = pictureBasis(scene);
     for (const [edge, text] of Object.entries(edgeLetters(axes))) this.#marks[edge].textContent = text;
@@ -76,7 +75,7 @@ export class Furniture {
       group.setAttribute('transform', `matrix(${matrix.map((x) => x.toFixed(3)).join(' ')})`);
       group.toggleAttribute('hidden', facing <= 0.02);
       group.setAttribute('class', `face${facing > 0.9 ? ' front' : ''}`);
-      this.#cube.append(group); // drawn last is on top
+      this.#cube.append(group); // drawn last, so on top
     }
     this.#scaleBar(mmPerPixel);
   }

@@ -1,22 +1,22 @@
-// Undo and redo of every edit of the scene. One step is one gesture, or one edit without any; it holds two merge patches,
-// there and back, so that what others changed meanwhile stays.
+// Undo and redo of all edits of the scene. A step is one gesture, or one edit outside a gesture. It stores two merge
+// patches, forward and back, so that concurrent changes by others are kept.
 
 import { mergePatch } from './state.js';
 
 const MOST_STEPS = 200;
-const ONE_EDIT_MS = 800; // the same member again within this time goes on with the step: a slider moved by keys, a colour
+const ONE_EDIT_MS = 800; // edits of the same member within this time extend the step: a slider moved by keys, a colour
 
 const isObject = (value) => value !== null && typeof value === 'object' && !Array.isArray(value);
 const same = (a, b) => a === b || JSON.stringify(a ?? null) === JSON.stringify(b ?? null);
 const compare = (a, b) => (a < b ? -1 : 1);
 
-/** The merge patch that makes `to` of `from`; {} where they are the same. */
+/** The merge patch from `from` to `to`; {} if equal. */
 export function difference(from, to) {
   const patch = {};
   for (const name of new Set([...Object.keys(from), ...Object.keys(to)])) {
     const [a, b] = [from[name], to[name]];
     if (same(a, b)) continue;
-    // Points without a preset take its name and unit away, so that a transfer function travels whole.
+    // Sets preset to null with the points if there is none, so that a transfer function is replaced as a whole.
     if (name === 'transferFunction') patch[name] = { ...b, preset: b?.preset ?? null };
     else if (isObject(a) || isObject(b)) patch[name] = difference(a ?? {}, b ?? {});
     else patch[name] = b ?? null;
@@ -24,7 +24,7 @@ export function difference(from, to) {
   return patch;
 }
 
-/** Names of the members a patch sets. */
+/** Names of the members that a patch sets. */
 const members = (patch, path = '') =>
   Object.entries(patch).flatMap(([name, value]) =>
     isObject(value) && name !== 'transferFunction' ? members(value, `${path}${name}.`) : `${path}${name}`,
@@ -34,12 +34,12 @@ export class History {
   #store;
   #on;
   #scene; // before the next edit
-  #before = null; // the gesture that is under way
+  #before = null; // scene before the current gesture
   #held = 0;
   #past = []; // {before, after, back, forth, what, at}
   #future = [];
 
-  /** on: changed() when there is more or less to undo or redo */
+  /** on: changed() when undo or redo become available or unavailable */
   constructor(store, on = {}) {
     this.#store = store;
     this.#on = on;
@@ -55,7 +55,7 @@ export class History {
     this.#before = null;
   }
 
-  /** One more step, of an edit that went another way. */
+  /** Adds a step for an edit that did not go through the store. */
   add(before, after) {
     this.#push(before, after, '');
   }
@@ -90,7 +90,7 @@ export class History {
     else this.#push(before, scene, members(difference(before, scene)).sort(compare).join());
   }
 
-  // what: the members that an edit without a gesture set, "" of a gesture.
+  // what: the members set by an edit outside a gesture, "" for a gesture.
   #push(before, after, what) {
     const last = this.#past.at(-1);
     const at = performance.now();
@@ -106,7 +106,7 @@ export class History {
     this.#on.changed?.();
   }
 
-  // A step that would change nothing, for it was refused or others did the same, is passed over.
+  // Skips steps without effect, since their edit was refused or others made the same change.
   #step(from, to, way) {
     while (from.length) {
       const step = from.pop();

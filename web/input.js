@@ -1,18 +1,21 @@
-// Pointers, wheel and touch on the picture. Movement is summed here and taken once per display frame by drain().
+// Pointers, wheel and touch on the picture. Movements are summed here and fetched once per display frame by drain().
 
 import { dragChord, wheelChord } from './bindings.js';
 
-const WHEEL_REST_MS = 150; // a wheel has no "up": it has ended after this much rest
+const WHEEL_REST_MS = 150; // a wheel has no "up" event: its gesture ends after this long
 const CLICK_SLOP_PX = 4;
-const TWICE_MS = 400; // between the two clicks of a double one
-const TWICE_SLOP_PX = 24; // a finger does not hit the same pixel again
+const TWICE_MS = 400; // between the clicks of a double click
+const TWICE_SLOP_PX = 24; // a finger does not hit the same pixel twice
 const ORBIT_DEGREES = 0.45; // per CSS pixel
 const ROLL_DEGREES = 0.4;
 const NOTCH_ZOOM = Math.log(1.22);
-const MOST_NOTCH_ZOOM = Math.log(1.25); // a wheel with Ctrl; a pinch on a track pad comes as such a wheel, in small steps
+const MOST_NOTCH_ZOOM = Math.log(1.25); // per wheel event with Ctrl; pinching a track pad sends many small ones
 const RADIANS = Math.PI / 180;
 
-/** Notches of a wheel, whole ones; small steps are a track pad's, and parts of one. The mode is read first: Firefox tells lines only then. */
+/**
+ * Notches of a wheel: whole ones; the smaller steps of a track pad are fractions. Reads deltaMode first, since Firefox
+ * reports lines only then.
+ */
 export function notches({ deltaMode, deltaY }) {
   const size = Math.abs(deltaY);
   if (deltaMode === 0 && size < 40) return deltaY / 50;
@@ -20,7 +23,7 @@ export function notches({ deltaMode, deltaY }) {
   return size ? Math.sign(deltaY) * Math.max(1, whole) : 0;
 }
 
-/** Factor of the zoom for one turn of the wheel; `fine`: with Ctrl. */
+/** Zoom factor of one wheel event; `fine`: with Ctrl. */
 export function wheelFactor(event, fine) {
   const turned = notches(event);
   if (!fine) return Math.exp(-turned * NOTCH_ZOOM);
@@ -28,7 +31,9 @@ export function wheelFactor(event, fine) {
   return Math.exp(Math.min(most, Math.max(-most, -event.deltaY * (event.deltaMode ? 0.4 : 0.01))));
 }
 
-/** What two fingers did between two moments, each a pair of [x, y]: shift of their middle, zoom, degrees (clockwise). */
+/**
+ * Movement of two fingers between two moments, each a pair of [x, y]: shift of their middle, zoom, degrees (clockwise).
+ */
 export function pinch(before, after) {
   const middle = ([a, b]) => [(a[0] + b[0]) / 2, (a[1] + b[1]) / 2];
   const gap = ([a, b]) => Math.hypot(a[0] - b[0], a[1] - b[1]);
@@ -45,12 +50,15 @@ export function pinch(before, after) {
 }
 
 /**
- * What drain() gives, all at rest. Never changed: sums replace its members. orbit and roll in degrees, pan and window in
- * CSS pixels. factor, roll and pan are one map of the picture: enlarged and turned about its middle, then shifted.
+ * The result of drain() without movement. Immutable: sums replace its members. orbit and roll in degrees, pan and
+ * window in CSS pixels. factor, roll and pan are one map of the picture: scaled and rotated about its middle, then
+ * shifted.
  */
 export const NO_MOVEMENT = Object.freeze({ orbit: [0, 0], pan: [0, 0], window: [0, 0], roll: 0, factor: 1, slices: 0 });
 
-/** The map of `sum`, then one that enlarges and turns about `at` (from the picture's middle) and shifts by `pan`. */
+/**
+ * The map `sum`, followed by a map that scales and rotates about `at` (from the picture's middle) and shifts by `pan`.
+ */
 export function compose(sum, { factor = 1, roll = 0, at = [0, 0], pan = [0, 0] }) {
   const [c, s] = [factor * Math.cos(roll * RADIANS), factor * Math.sin(roll * RADIANS)];
   const [x, y] = [sum.pan[0] - at[0], sum.pan[1] - at[1]];
@@ -66,19 +74,19 @@ export class Input {
   #element;
   #bindings;
   #on;
-  #pointers = new Map(); // id -> {x, y} of every finger or button that is down, from the picture's middle
+  #pointers = new Map(); // id -> {x, y} from the picture's middle, of every finger or button that is down
   #action = null;
   #start = [0, 0];
-  #handle = null; // what the pointer went down on, of the cube
+  #handle = null; // the element of the cube under the pointerdown
   #travel = 0;
   #sum = NO_MOVEMENT;
   #wheelTimer = 0;
-  #rest = 0; // of a slice
-  #last = { at: -Infinity, x: 0, y: 0 }; // click
+  #rest = 0; // fraction of a slice
+  #last = { at: -Infinity, x: 0, y: 0 }; // of the last click
 
   /**
-   * on: mode(); wake() when drain() has something; active(bool) around a gesture; click(x, y) and doubleClick(x, y) in
-   * CSS px; slicePixels(): of a finger's way to the next slice
+   * on: mode(); wake() when drain() has movement; active(bool) around a gesture; click(x, y) and doubleClick(x, y) in
+   * CSS px; slicePixels(): distance a finger moves per slice
    */
   constructor(element, bindings, on) {
     this.#element = element;
@@ -107,7 +115,7 @@ export class Input {
   }
 
   #down(event) {
-    if (event.pointerType === 'mouse' && this.#pointers.size) return; // a second button changes nothing
+    if (event.pointerType === 'mouse' && this.#pointers.size) return; // a second button has no effect
     if (event.target.closest('[data-own-pointer]')) return; // buttons and messages over the picture
     this.#handle = event.target.closest('[data-turns]') ? event.target : null;
     this.#element.setPointerCapture(event.pointerId);
@@ -133,7 +141,7 @@ export class Input {
     if (!pointer) return;
     const place = this.#place(event);
     const fingers = this.#pointers.size;
-    const [dx, dy] = [(place.x - pointer.x) / fingers, (place.y - pointer.y) / fingers]; // of their middle
+    const [dx, dy] = [(place.x - pointer.x) / fingers, (place.y - pointer.y) / fingers]; // of the fingers' middle
     if (fingers === 2) this.#two(event.pointerId, place);
     else this.#drag(fingers === 1 ? this.#action : (this.#does('Three fingers') ?? 'pan'), dx, dy);
     this.#pointers.set(event.pointerId, place);
@@ -143,7 +151,7 @@ export class Input {
     const pair = (points) => [...points].map(([, { x, y }]) => [x, y]);
     const before = pair(this.#pointers);
     const moved = pinch(before, pair(new Map(this.#pointers).set(id, place)));
-    if (this.#on.mode() === 'mpr') moved.roll = 0; // a slice's top is given by its plane
+    if (this.#on.mode() === 'mpr') moved.roll = 0; // the plane determines a slice's up direction
     this.#add(compose(this.#sum, moved));
   }
 

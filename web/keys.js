@@ -1,17 +1,18 @@
-// The keyboard: finds what a key is bound to and does it. Fields, dialogs and the transfer function keep their own keys.
+// The keyboard: finds the binding of a key and runs its action. Fields, dialogs and the transfer function editor handle
+// their own keys.
 
 import { keyChord } from './bindings.js';
 
-const REST_MS = 150; // keys have ended after this much rest
-const HELD = ['turn', 'magnify', 'slices']; // come in bursts: the daemon may be coarse until they rest
-const ALWAYS = ['help', 'fullscreen']; // with no volume too
+const REST_MS = 150; // a burst of keys ends after this long
+const HELD = ['turn', 'magnify', 'slices']; // repeated in bursts: the daemon may lower the quality until they end
+const ALWAYS = ['help', 'fullscreen']; // also without a volume
 
 export class Keys {
   #bindings;
   #on;
   #timer = 0;
 
-  /** on: mode() or undefined while there is no scene; gesture(bool); do(action, argument) */
+  /** on: mode(), undefined without a scene; gesture(bool); do(action, argument) */
   constructor(bindings, on) {
     this.#bindings = bindings;
     this.#on = on;
@@ -39,7 +40,7 @@ export class Keys {
   }
 }
 
-/** Chords that belong to what is in focus. */
+/** Whether the focused element handles the chord itself. */
 function kept(target, chord) {
   if (/^(Ctrl|Alt)\+/.test(chord)) return target.matches('textarea, input[type="number"], input[type="search"]');
   if (chord === 'Space' && target.matches('button, [role="button"]')) return true;

@@ -1,15 +1,15 @@
-// Labels: a second volume that colours and hides parts of the first. Edits scene.labels.
+// Labels: a second volume that colours and hides parts of the first one. Edits scene.labels.
 
 import { fromHex, toHex } from './transfer_model.js';
 
-const MOST = 256; // labels listed
+const MOST = 256; // rows listed at most
 
-/** Labels that occur, by number: [{label, count}]. One bin per whole number of the range is one label each. */
+/** The labels that occur: [{label, count}]. The histogram has one bin per integer of the range. */
 export function labelsIn({ counts }, [low]) {
   return counts.map((count, i) => ({ label: low + i, count })).filter(({ label, count }) => count > 0 && label >= 0);
 }
 
-/** scene.labels.visible after label n was shown or hidden; null where that is all. @param all numbers that occur */
+/** scene.labels.visible after label n was shown or hidden; null if all are visible. @param all labels that occur */
 export function toggled(visible, all, n, show) {
   const now = new Set(visible ?? all);
   if (show) now.add(n);
@@ -17,7 +17,10 @@ export function toggled(visible, all, n, show) {
   return all.every((label) => now.has(label)) ? null : [...now].sort((a, b) => a - b);
 }
 
-/** Labels of which a label is told: a combination stands with each of its segments. @param named of GET /v1/volumes/ID */
+/**
+ * The labels whose voxels belong to a label: itself and the combinations that contain it.
+ * @param named of GET /v1/volumes/ID
+ */
 export function familyOf(named, label) {
   const together = named.filter(({ of }) => of?.includes(label)).map((item) => item.label);
   return [label, ...together];
@@ -28,11 +31,11 @@ export class Labels {
   #store;
   #volumes;
   #on;
-  #main = ''; // id of the volume that is shown
+  #main = ''; // id of the volume shown
   #listed = ''; // id of the label volume whose labels are listed
   #all = [];
-  #doubted = ''; // id of the one that was refused
-  #named = []; // what labels are, where the volume says so
+  #doubted = ''; // id of the label volume that was refused
+  #named = []; // names of the labels, if the volume has them
   #rows = new Map(); // label -> {eye, swatch}
   #palette = [[1, 1, 1]];
 
@@ -51,7 +54,7 @@ export class Labels {
     store.subscribe(() => this.update());
   }
 
-  /** Colours that the daemon gives to labels without one. */
+  /** Colours the daemon gives to labels without one. */
   setPalette(palette) {
     if (palette?.length) this.#palette = palette;
   }
@@ -102,12 +105,12 @@ export class Labels {
     }
   }
 
-  /** The daemon takes a volume for none of these labels, and says why. @returns whether the patch was ours */
+  /** The daemon refused a volume as labels, with a reason. @returns whether the patch was ours */
   refused(error, patch) {
     if (error.status !== 409 || !patch?.labels?.volume) return false;
     this.#doubted = patch.labels.volume;
     this.#get('labels-doubt').hidden = false;
-    const why = error.message.replace(/^labels\/volume: (.*?)(: choose.*)?$/, '$1'); // the rest is for programs
+    const why = error.message.replace(/^labels\/volume: (.*?)(: choose.*)?$/, '$1'); // the rest is for API clients
     this.#get('labels-why').textContent = `${this.#doubted} does not look like labels of this volume: ${why}.`;
     return true;
   }
@@ -147,7 +150,7 @@ export class Labels {
     }
   }
 
-  // One row a segment: voxels of a combination count with each of its segments.
+  // One row per segment: voxels of a combination count for each of its segments.
   #segments(found) {
     const counts = new Map(found.map(({ label, count }) => [label, count]));
     const combined = new Set(this.#named.filter(({ of }) => of).map(({ label }) => label));
@@ -161,7 +164,7 @@ export class Labels {
       .filter(({ count }) => count > 0);
   }
 
-  // Shows or hides a segment: a combination shows while one of its segments does.
+  // Shows or hides a segment: a combination is visible while one of its segments is.
   #toggle(label, show) {
     let visible = toggled(this.#store.scene.labels?.visible, this.#all, label, show);
     const shown = (one) => !visible || visible.includes(one);

@@ -9,13 +9,13 @@ const DEGREE = Math.PI / 180;
 
 const element = (name, properties) => Object.assign(document.createElement(name), properties);
 
-/** The direction to a light, LPS: degrees to the patient's left of the front, and up to the head. */
+/** Direction to a light in LPS, from degrees to the patient's left of the front and degrees up. */
 export function directionOf(aside, up) {
   const [a, e] = [aside * DEGREE, up * DEGREE];
   return [Math.sin(a) * Math.cos(e), -Math.cos(a) * Math.cos(e), Math.sin(e)];
 }
 
-/** And back: [aside, up], of a direction of any length. */
+/** The inverse: [aside, up] of a direction of any length. */
 export const anglesOf = ([x, y, z]) => [Math.atan2(x, -y) / DEGREE, Math.atan2(z, Math.hypot(x, y)) / DEGREE];
 
 export class Lights {
@@ -54,7 +54,7 @@ export class Lights {
     return this.#store.scene?.mesh?.lights ?? [];
   }
 
-  /** The first stands for the one light there was; others come from a side. */
+  /** The first entry replaces the single default light; further lights come from a side. */
   #another() {
     return { color: [1, 1, 1], intensity: 1, ...(this.#list().length && { direction: directionOf(60, 30) }) };
   }

@@ -1,8 +1,8 @@
-// Names of the files a user uploaded. They often are patients': they stay in this tab and are sent to nobody.
+// Names of the uploaded files. They often contain patients' names, so they stay in this tab and are never sent.
 
 const STORED = 'tomocast.names';
 
-/** What tells one volume from another that came by the same id later. */
+/** Distinguishes a volume from a later one with the same id. */
 const signOf = ({ dims, spacing, bytes, range }) => (dims ? JSON.stringify([dims, spacing, bytes, range]) : '');
 
 export class LocalNames {
@@ -19,7 +19,7 @@ export class LocalNames {
     this.#keep();
   }
 
-  /** The file's name of a volume as the daemon describes it, or "" */
+  /** The file name of a volume described by the daemon, or "" */
   of(volume) {
     const entry = this.#known[volume.id];
     if (!entry) return '';
@@ -31,7 +31,7 @@ export class LocalNames {
     return !sign || entry.sign === sign ? entry.name : '';
   }
 
-  /** A text about uploads in the user's words: their file's name in place of its id. */
+  /** Replaces upload ids in a text by their file names. */
   inText(text) {
     return Object.entries(this.#known).reduce((words, [id, { name }]) => words.split(new RegExp(`\\b${id}\\b`)).join(name), text);
   }
@@ -41,5 +41,5 @@ export class LocalNames {
   }
 }
 
-/** What to call some files: the only one's name, or the first one's and how many more. */
+/** A name for some files: the first one's, and the number of others. */
 export const nameOf = (files) => (files.length > 1 ? `${files[0].name} and ${files.length - 1} more` : files[0].name);

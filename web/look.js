@@ -1,12 +1,12 @@
-// The look of a volume: transfer-function editor, its fields, presets, windows. Everything here edits
-// scene.transferFunction or scene.window.
+// The look of a volume: transfer function editor and its fields, presets, windows. Edits scene.transferFunction and
+// scene.window.
 
 import { presetPatch } from './display.js';
 import { bindGesture } from './panels.js';
 import { TransferEditor } from './transfer_editor.js';
 import { amountName, amountOf, formatValue, fromHex, scaleAmounts, shiftKnots, toHex } from './transfer_model.js';
 
-/** Presets of the daemon that suit a modality, the suitable ones first. */
+/** The daemon's presets that suit a modality, best first. */
 export function presetsFor(presets, modality) {
   const own = presets.filter((preset) => preset.modality && preset.modality === modality);
   const any = presets.filter((preset) => !preset.modality);
@@ -22,7 +22,7 @@ export class Look {
   #presets = [];
   #windows = [];
   #whole = [0, 1];
-  #base = null; // points when a drag began
+  #base = null; // points when the drag began
   #modality = '';
   #display = null;
   #ownWindow = null;
@@ -60,7 +60,7 @@ export class Look {
     if (this.#editor.points.length) this.#showRange(range);
   }
 
-  /** Preset n = 0, 1... in the order of the menu that the mode uses. */
+  /** Selects preset n = 0, 1... of the menu that the mode uses. */
   choose(n) {
     const menu = this.#get(this.#windowed ? 'window-preset' : 'preset');
     const options = [...menu.querySelectorAll('option')].filter((option) => option.value);
@@ -84,7 +84,7 @@ export class Look {
     return ['mip', 'minip', 'average', 'mpr'].includes(this.#store.scene?.mode);
   }
 
-  // Edited points are no preset any more. A preset set to null takes its unit distance with it, so that is sent along.
+  // Edited points clear the preset. A preset of null also clears its unit distance, so the patch sends that again.
   #edit(points) {
     const { unitDistance = 1 } = this.#store.scene.transferFunction;
     this.#store.patch({ transferFunction: { preset: null, points, unitDistance } });
@@ -112,7 +112,7 @@ export class Look {
     this.#showRange(this.#editor.range);
   }
 
-  // A range that shows no knot shows nothing to take hold of.
+  // The range must show at least one knot, or there would be nothing to drag.
   #showRange([low, high]) {
     const { points } = this.#editor;
     const inside = points.filter(({ value }) => value >= low && value <= high);
@@ -135,7 +135,7 @@ export class Look {
   #bindFields() {
     const get = this.#get;
     const number = (id) => (get(id).value === '' ? NaN : Number(get(id).value));
-    // The other field is rounded for people: it is not read.
+    // The other field is rounded for display, so its value is not read.
     const move = (id) => {
       const typed = number(id);
       if (Number.isFinite(typed)) this.#editor.set(...(id === 'knot-value' ? [typed] : [undefined, typed]));
@@ -162,7 +162,7 @@ export class Look {
     });
   }
 
-  // Shift and density act on the points as they were when the slider was taken, and spring back when it is let go.
+  // Shift and density apply to the points as they were when the slider was grabbed. The slider returns to 0 on release.
   #bindSliders() {
     const bind = (id, apply, show) => {
       const slider = this.#get(id);

@@ -1,4 +1,4 @@
-// Wires the parts of the page together. Decisions live in the parts.
+// Wires the parts of the page together; the logic is in the parts.
 
 import { linked, linkIn, TokenDialog } from './access.js';
 import { Actions } from './actions.js';
@@ -95,7 +95,7 @@ const building = new Building(get, () => {
 const modes = new Modes();
 const gesture = (on) => {
   if (on) edits.hold(true);
-  client.active(on); // ends with the gesture's last movement
+  client.active(on); // ends after the gesture's last movement
   if (!on) edits.hold(false);
 };
 const look = new Look(get, store, gesture);
@@ -194,14 +194,14 @@ const sceneDialog = new SceneDialog(get, {
   toast: (text) => notices.toast(text),
 });
 
-let opened = null; // the menu that a pointer opened
+let opened = null; // the menu opened by pointer
 let maxPixels = Number(localStorage.getItem('tomocast.maxPixels')) || DEFAULT_MAX_PIXELS;
 
 /* --- volumes ----------------------------------------------------------------------------------- */
 
 function showVolume(volume, box, histogram) {
   edits.clear();
-  view.clear(); // the old volume must never be seen under the new one's name
+  view.clear(); // never show the old picture under the new volume's name
   get('badge').hidden = true;
   const range = volume.range ?? [0, 1];
   look.setVolume(histogram, range, volume);
@@ -226,7 +226,7 @@ function showVolume(volume, box, histogram) {
   if (linkIn(location.hash).token || linked(api.token).session) sequence.forbid();
 }
 
-/** The picture is of another volume of the same file: what is set stays. */
+/** Another volume of the same file: keeps the settings. */
 function showAnother(volume) {
   opening.another(volume);
   get('probe').textContent = '';
@@ -294,7 +294,7 @@ function showFrame(drawn) {
   stage.dataset.seq = drawn.header.seq;
   stage.dataset.final = drawn.header.final;
   get('empty').hidden = true;
-  if (drawn.header.final) volumes.thumbnail(opening.volume); // made now that it is drawn, for whoever lists it
+  if (drawn.header.final) volumes.thumbnail(opening.volume); // rendered now, after the picture, for later lists
 }
 
 function withholdMeter() {
@@ -302,7 +302,7 @@ function withholdMeter() {
   get('meter').labels[0].title = 'Not in this version of the daemon';
 }
 
-/** The daemon refused a patch. What it does not offer is said once and quietly, and not offered again. */
+/** The daemon refused a patch. Choices that it does not offer are reported once and removed from the controls. */
 function refused(error, patch) {
   building.done();
   if (labels.refused(error, patch)) return;
@@ -315,7 +315,7 @@ function refused(error, patch) {
   notices.line(error.message);
 }
 
-/** file: the user's name for what it is about */
+/** file: the name of the file concerned, as the user knows it */
 function failed(error, file = '') {
   const words = names.inText(error.message);
   error.message = words.includes(file) ? words : `${file}: ${words}`;
@@ -325,7 +325,7 @@ function failed(error, file = '') {
   }
 }
 
-/** Says on the stage what to do while there is no volume. */
+/** Shows instructions on the stage while there is no volume. */
 function showEmpty(text) {
   get('empty-text').textContent = text;
   get('empty').hidden = false;
@@ -367,7 +367,7 @@ function move(moved) {
   if (patch) store.patch(patch);
 }
 
-/** Controls outside the panels' own, which follow the edited scene. */
+/** Updates the controls outside the panels from the edited scene. */
 function showControls() {
   const { scene } = store;
   const ready = Boolean(scene?.camera && opening.box);
@@ -408,7 +408,7 @@ function bindControls() {
   for (const name of ['reset', 'undo', 'redo']) get(name).addEventListener('click', () => actions.do(name));
   document.addEventListener('pointerdown', ({ target }) => (opened = target.closest('select')));
   document.addEventListener('change', ({ target }) => {
-    if (target === opened) stage.focus({ preventScroll: true }); // keys go on with the picture after a choice by hand
+    if (target === opened) stage.focus({ preventScroll: true }); // keys act on the picture again
     opened = null;
   });
   for (const button of document.querySelectorAll('button[data-view]')) {
@@ -464,7 +464,7 @@ function bindWindow() {
   });
 }
 
-/** A link's token goes from the address to the tab; the view that came with it stays. */
+/** Moves a share link's token from the address to the tab; keeps the view in the address. */
 function takeLink() {
   const { token, rest } = linkIn(location.hash);
   if (!token) return;
@@ -484,7 +484,7 @@ async function askAbout() {
 async function start() {
   takeLink();
   try {
-    const [found] = await Promise.all([opening.fromAddress(location), askAbout()]); // no picture waits for menus
+    const [found] = await Promise.all([opening.fromAddress(location), askAbout()]); // menus must not delay the picture
     if (!found) {
       showEmpty('No volume is open.');
       volumeDialog.open();

@@ -1,4 +1,4 @@
-// What a mode needs of the look to be seen well, and what the look gets back when the mode is left.
+// Adapts the look when the mode changes, and restores it when the mode is left.
 
 import { projectionLook } from './display.js';
 import { difference } from './history.js';
@@ -14,7 +14,10 @@ const surface = ({ shading, filter }) => ({
   ...(filter !== 'linear' && { filter: 'linear' }),
 });
 
-/** Patches that a mode brings. A surface without light is an outline, and is found exactly in linear cells only. */
+/**
+ * Patches that come with a mode. A surface without shading is a mere outline, and the exact root needs the linear
+ * filter.
+ */
 const BRINGS = {
   mip: projection('mip'),
   minip: projection('minip'),
@@ -28,13 +31,13 @@ export class Modes {
   #lent = new Map(); // mode -> {brought, had}: merge patches
   #volume = {};
 
-  /** @param display of the volume's description, or none */
+  /** @param display of the volume's description, or undefined */
   setVolume(display, box) {
     this.#volume = { display, box };
     this.#lent.clear();
   }
 
-  /** The patch that goes to `mode`. What the mode that is left had brought, and nobody touched since, is taken back. */
+  /** The patch that switches to `mode`. Restores what the previous mode's patch changed, unless it was edited since. */
   choose(scene, mode) {
     const { brought, had } = this.#lent.get(scene.mode) ?? {};
     const untouched = brought && !Object.keys(difference(scene, mergePatch(scene, brought))).length;

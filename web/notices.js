@@ -1,4 +1,4 @@
-// Quiet messages: toasts that leave by themselves, the reconnect banner, one line under the mode selector.
+// Messages: toasts that disappear, the reconnect banner, one line under the mode selector.
 
 const TOAST_MS = 7000;
 const MOST_TOASTS = 3;
@@ -18,7 +18,7 @@ export class Notices {
     bannerRetry.addEventListener('click', onRetry);
   }
 
-  /** The same text twice is one toast that stays longer. */
+  /** Repeating a text extends its toast. */
   toast(text, { title = '', bad = false } = {}) {
     const key = `${title}\n${text}`;
     for (const old of this.#toasts.children) if (old.dataset.key === key) old.remove();
@@ -37,7 +37,7 @@ export class Notices {
     setTimeout(() => toast.remove(), TOAST_MS);
   }
 
-  /** A refusal of the daemon or of the network. */
+  /** A refusal by the daemon, or a network error. */
   problem(error) {
     this.toast(error.message, { title: error.title && error.title !== error.message ? error.title : '', bad: true });
   }
@@ -47,7 +47,7 @@ export class Notices {
     this.#line.hidden = !text;
   }
 
-  /** Follows the wire's states: nothing while it is open, a countdown while it waits. */
+  /** Follows the states of the wire: nothing while open, a countdown while waiting. */
   connection({ state, inMs = 0, reason = '' }) {
     clearInterval(this.#countdown);
     if (state === 'open') this.#banner.hidden = true;

@@ -1,4 +1,4 @@
-// From a name, a file or an address to a volume on the stage: loading, uploading, joining, with progress and cancel.
+// Opens a volume from a name, a file or an address: loading, uploading, joining, with progress and cancel.
 
 import { linked } from './access.js';
 import { readHash } from './address.js';
@@ -7,10 +7,10 @@ import { nameOf } from './local_names.js';
 import { formatBytes, isMesh, uploadId } from './volumes.js';
 import { droppedFiles, zip } from './zip.js';
 
-const KEPT_SCENE = 'tomocast.scene'; // sessionStorage: survives a reload of this tab, nothing else
+const KEPT_SCENE = 'tomocast.scene'; // in sessionStorage, which lasts for a reload of this tab only
 
 export class Opening {
-  volume = null; // description of the one that is shown
+  volume = null; // description of the volume shown
   box = null;
   #get;
   #api;
@@ -19,7 +19,7 @@ export class Opening {
   #volumes;
   #names;
   #on;
-  #abort = null; // of the load under way
+  #abort = null; // of the current load
 
   /** on: shown(volume, box, histogram), opened(id, {joined}), failed(error, name of the file), toast(text, options), size() -> {width, height} px, aspect() */
   constructor({ get, api, client, store, volumes, names, on }) {
@@ -32,7 +32,10 @@ export class Opening {
     this.#on = on;
   }
 
-  /** Opens the session of a link the user came by, or what the address names: ?session=ID, #volume, or the only volume. @returns false: let the user choose */
+  /**
+   * Opens the session of a share link, or what the address names: ?session=ID, #volume, or the only volume.
+   * @returns false if the user has to choose
+   */
   async fromAddress({ search, hash }) {
     const session = linked(this.#api.token).session || new URLSearchParams(search).get('session');
     const { volume, view } = readHash(hash);
@@ -42,13 +45,13 @@ export class Opening {
     return true;
   }
 
-  /** scene: as this tab had it; view: the part of one that an address gave */
+  /** scene: from this tab before a reload; view: the scene members in the address */
   async open(id, { scene = null, view = null } = {}) {
     this.#abort?.abort();
     const abort = (this.#abort = new AbortController());
     try {
       this.#progress(`Loading ${id}`);
-      const early = this.#volumes.histogram(id).catch(() => null); // of a volume that is there, beside its description
+      const early = this.#volumes.histogram(id).catch(() => null); // in parallel with the description
       const found = await this.#volumes.bring(
         id,
         (fraction) => this.#progress(`Loading ${id}`, fraction),
@@ -57,7 +60,7 @@ export class Opening {
       const histogram = (await early) ?? (await this.#volumes.histogram(id).catch(() => null));
       if (abort.signal.aborted) return;
       const { labels } = scene ?? view ?? {};
-      if (labels?.volume) await this.#volumes.bring(labels.volume, () => {}).catch(() => {}); // what is missing is said below
+      if (labels?.volume) await this.#volumes.bring(labels.volume, () => {}).catch(() => {}); // reported below
       const asked = await this.#create(id, scene ?? view);
       this.#show(found, histogram);
       if (!asked?.camera)
@@ -70,7 +73,7 @@ export class Opening {
     }
   }
 
-  /** Starts a session with a part of a scene. @returns that part, null where an address gave one that cannot be had */
+  /** Creates a session with a partial scene. @returns that scene, null if the daemon refused the one of an address */
   async #create(id, asked) {
     const image = { ...(asked?.image ?? {}), ...this.#on.size() };
     try {
@@ -83,7 +86,7 @@ export class Opening {
     }
   }
 
-  /** Joins a session; `volume` and `view` are what its link says of it, for when it is gone. */
+  /** Joins a session; `volume` and `view` come from its link, for the case that the session has ended. */
   async join(session, volume = '', view = null) {
     try {
       const { volume: id } = await this.#api.json('GET', `v1/sessions/${encodeURIComponent(session)}`);
@@ -94,7 +97,7 @@ export class Opening {
       this.#on.opened(id, { joined: true });
     } catch (error) {
       if (error.status !== 404 || !volume) return this.#on.failed(error);
-      if (linked(this.#api.token).session) this.#api.token = ''; // it was good for that session alone
+      if (linked(this.#api.token).session) this.#api.token = ''; // the token was for that session only
       this.#on.toast('The session of this link is over. Here is the same view, in a session of your own.');
       await this.open(volume, { scene: this.#kept(volume), view });
     } finally {
@@ -102,7 +105,10 @@ export class Opening {
     }
   }
 
-  /** One file as it is; several (DICOM, pictures, a header with its voxels) as a zip; meshes onto the volume that is shown. */
+  /**
+   * Uploads a single file as it is, several (DICOM, pictures, a header with its voxels) as a zip; meshes are added to
+   * the volume shown.
+   */
   async upload(files) {
     if (!files.length) return;
     const meshes = files.every(isMesh);
@@ -136,7 +142,7 @@ export class Opening {
 
   /** Files dropped anywhere on the page. */
   bindDrops() {
-    let depth = 0; // dragenter and dragleave also come for every child
+    let depth = 0; // dragenter and dragleave also fire for children
     const show = (on) => (this.#get('drop').hidden = !on);
     const carriesFiles = (event) => event.dataTransfer?.types.includes('Files');
     addEventListener('dragenter', (event) => carriesFiles(event) && show((depth += 1) > 0));
@@ -157,12 +163,12 @@ export class Opening {
     this.box = volumeBox(volume);
   }
 
-  /** What the address calls the one that is shown. */
+  /** The name of the shown volume in the address. */
   get id() {
     return this.volume?.of ?? this.volume?.id;
   }
 
-  /** Keeps the scene for a reload of this tab: of this very address. */
+  /** Keeps the scene for a reload of this tab at the same address. */
   keep() {
     if (!this.#store.scene || !this.volume) return;
     sessionStorage.setItem(KEPT_SCENE, JSON.stringify({ volume: this.id, hash: location.hash, scene: this.#store.scene }));

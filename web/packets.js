@@ -1,8 +1,8 @@
-// Binary messages of tomocast.v1, bytes to objects. No socket, no canvas.
+// Parser for binary messages of tomocast.v1. No socket, no canvas.
 //
-// One message is: 4-byte little-endian length H, H bytes of UTF-8 JSON, then the image to the end of the message.
+// A message is: 4-byte little-endian length H, H bytes of UTF-8 JSON, then the image to the end of the message.
 
-/** A header longer than this is a broken stream, not a frame. Bytes. */
+/** Limit in bytes; a longer header means a broken stream. */
 export const MAX_HEADER_BYTES = 65536;
 
 const IMAGE_TYPES = { jpeg: 'image/jpeg', png: 'image/png' };
@@ -10,11 +10,11 @@ const IMAGE_TYPES = { jpeg: 'image/jpeg', png: 'image/png' };
 export class PacketError extends Error {}
 
 /**
- * Reads one frame from the beginning of a message.
- * @param {Uint8Array} bytes as much of the message as there is
- * @returns {{need: number}|{header: object, image: Uint8Array, type: string}} `need`: the header is complete only when
- *   there are at least that many bytes. Otherwise the frame; `image` is a view into `bytes`, not a copy.
- * @throws {PacketError} when no further byte can make a frame of it
+ * Parses the frame at the start of a message.
+ * @param {Uint8Array} bytes as much of the message as was received
+ * @returns {{need: number}|{header: object, image: Uint8Array, type: string}} `need`: bytes required before the header
+ *   is complete. Otherwise the frame; `image` is a view into `bytes`, not a copy.
+ * @throws {PacketError} if no further byte can complete a frame
  */
 export function readFrame(bytes) {
   if (bytes.length < 4) return { need: 4 };

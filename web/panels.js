@@ -12,14 +12,14 @@ import { lengthText } from './units.js';
 
 const MOST_SLAB_MM = 50;
 
-/** Value at a dotted path, or undefined. */
+/** The value at a dotted path, or undefined. */
 export function valueAt(scene, path) {
   return path
     .split('.')
     .reduce((value, name) => (value === undefined || value === null ? undefined : value[name]), scene);
 }
 
-/** The merge patch that sets a dotted path. @param scene gives the rest of an array */
+/** The merge patch that sets a dotted path. @param scene supplies the other elements of an array */
 export function patchFor(scene, path, value) {
   const names = path.split('.');
   const last = names.at(-1);
@@ -43,7 +43,7 @@ function readControl(control) {
 
 function writeControl(control, value) {
   if (value === undefined || value === null) {
-    if (control.options) control.selectedIndex = 0; // what is left out is the first choice
+    if (control.options) control.selectedIndex = 0; // an absent member means the first choice
     return;
   }
   if (control.type === 'checkbox') control.checked = value;
@@ -58,7 +58,7 @@ export class Panels {
   #on;
   #editing = null;
 
-  /** gesture(bool) around a slider's drag; mode(value) instead of a patch when the mode is chosen */
+  /** gesture(bool) around a slider's drag; mode(value) when the mode is selected, instead of a patch */
   constructor(root, store, on) {
     this.#root = root;
     this.#store = store;
@@ -67,7 +67,7 @@ export class Panels {
     store.subscribe(() => this.update());
   }
 
-  /** The sliders' ends follow the volume: its values, and for a slab its least width, mm. */
+  /** Sets the sliders' ends to the volume's values, and for a slab to its least width in mm. */
   setVolume([low, high], width) {
     const extent = high - low || 1;
     for (const slider of this.#root.querySelectorAll('[data-span="slab"]')) {
@@ -81,7 +81,7 @@ export class Panels {
     this.update();
   }
 
-  /** A run-length model has no grid, which all modes but splats look at, and attributes of its own. */
+  /** A run-length model has no voxel grid, so that only mode splat can show it, and attributes of its own. */
   setModel(model) {
     for (const option of this.#root.querySelectorAll('[data-path="mode"] option'))
       option.hidden = Boolean(model) && option.value !== 'splat';
@@ -96,7 +96,7 @@ export class Panels {
     this.update();
   }
 
-  /** What the daemon does not offer: choices that a refused patch made are not offered again. */
+  /** Removes choices that the daemon does not offer, learned from a refused patch. */
   withdraw(patch) {
     for (const menu of this.#root.querySelectorAll('select[data-path]')) {
       const value = valueAt(patch, menu.dataset.path);
@@ -104,7 +104,7 @@ export class Panels {
     }
   }
 
-  /** What the daemon says that it does not offer. @param unavailable {dotted path: [values]} */
+  /** Removes choices that the daemon lists as unavailable. @param unavailable {dotted path: [values]} */
   withhold(unavailable = {}) {
     for (const [path, values] of Object.entries(unavailable)) {
       for (const control of this.#root.querySelectorAll(`[data-path="${path}"]`)) {
@@ -118,7 +118,7 @@ export class Panels {
     const option = [...menu.options].find((candidate) => value !== undefined && candidate.value === String(value));
     if (!option || option.disabled) return;
     option.disabled = true;
-    option.value = String(value); // else the text would be it
+    option.value = String(value); // without a value attribute the text would be used
     option.title = 'Not in this version of the daemon';
     option.text += ' (not in this version)';
   }
@@ -164,7 +164,7 @@ export class Panels {
   }
 }
 
-/** While a slider is held down, the picture may be coarser. */
+/** While a slider is held, the picture may be coarser. */
 export function bindGesture(slider, gesture) {
   let held = false;
   const set = (on) => {
@@ -176,7 +176,7 @@ export function bindGesture(slider, gesture) {
   for (const name of ['pointerup', 'pointercancel', 'blur', 'change']) slider.addEventListener(name, () => set(false));
 }
 
-/** One section at a time where the window is narrow; the usual keys of a tab list. */
+/** Shows one section at a time in a narrow window, with the usual keys of a tab list. */
 export function bindTabs(panel) {
   const tabs = [...panel.querySelectorAll('[role="tab"]')];
   const choose = (tab) => {
@@ -207,9 +207,9 @@ const CROP_SIDES = [
   ['Feet', 0, 2],
   ['Head', 1, 2],
 ];
-const LEAST_LEFT = 0.005; // of the extent: crossed sliders would show nothing
+const LEAST_LEFT = 0.005; // part of the extent that must remain, since crossed sliders would show nothing
 
-/** Six sliders, each cuts that many mm from the side it is named after. */
+/** Six sliders, each cropping mm from its side. */
 export class CropPanel {
   #store;
   #sides = [];

@@ -1,10 +1,10 @@
-// What lies under a point of the picture: said on a click, brought to the middle on a double click.
+// Probes the picture: a click reports the point, a double click centres it.
 
 import { add, basis, dot, scale, sub } from './camera.js';
 import { slicePlace } from './steer.js';
 import { placeText } from './units.js';
 
-/** The camera whose picture is the same, shifted so that `place` lies in its middle; it turns about `place` from now on. */
+/** The camera with the same picture, shifted so that `place` is in its middle and the centre of rotation. */
 export function centredOn(camera, place) {
   const { right, up } = basis(camera);
   const off = sub(place, camera.target);
@@ -20,7 +20,10 @@ export class Probe {
   #labelName;
   #on;
 
-  /** shown() -> {volume, box, caption: the picture's, pixels: {width, height} it is asked for in}; labelName(number); on: text(string), problem(error) */
+  /**
+   * shown() -> {volume, box, caption: the picture's, pixels: {width, height} requested}; labelName(number); on:
+   * text(string), problem(error)
+   */
   constructor({ api, client, store, shown, labelName, on }) {
     this.#labelName = labelName;
     this.#api = api;
@@ -30,13 +33,13 @@ export class Probe {
     this.#on = on;
   }
 
-  /** Says position and value, and which label or surface it is. x, y: CSS pixels of the stage */
+  /** Reports position, value, and label or surface. x, y: CSS pixels of the stage */
   async tell(x, y) {
     const found = await this.#find(x, y);
     if (found !== undefined) this.#on.text(this.#text(found));
   }
 
-  /** Brings what lies there to the middle. */
+  /** Centres the point. */
   async centre(x, y) {
     const { mode } = this.#shown().caption.scene ?? {};
     const found = mode === 'mpr' ? { position: this.#slicePlace(x, y) } : await this.#find(x, y);
@@ -45,7 +48,7 @@ export class Probe {
     else this.#store.patch({ camera: centredOn(this.#store.scene.camera, found.position) });
   }
 
-  /** @returns null where nothing is, undefined where nobody could be asked: the daemon knows the newest scene only */
+  /** @returns null if nothing was hit, undefined if unknown, since the daemon can probe its newest scene only */
   async #find(x, y) {
     const { caption } = this.#shown();
     if (!this.#client.connected || !caption.current || !caption.placeOf(x, y)) return undefined;
@@ -57,7 +60,10 @@ export class Probe {
     }
   }
 
-  /** A slice shows one point a pixel, so that its place is known here; in 3-D the daemon says what a ray meets first. */
+  /**
+   * A slice shows one point per pixel, so its position is computed here. In 3-D the daemon picks the first visible
+   * point.
+   */
   #address(x, y) {
     const { caption, volume, pixels } = this.#shown();
     if (caption.scene.mode === 'mpr') {
@@ -70,7 +76,7 @@ export class Probe {
     return `v1/sessions/${encodeURIComponent(this.#client.session)}/pick?${pixel}`;
   }
 
-  /** In the slice on the canvas; null beside it. */
+  /** In the slice on the canvas; null outside. */
   #slicePlace(x, y) {
     const { caption, box } = this.#shown();
     const place = caption.placeOf(x, y);

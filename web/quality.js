@@ -1,8 +1,8 @@
-// The Quality control: a fixed step, a bound on the error or a budget of time; and what the daemon chose for it.
+// The quality control: a fixed step, a bound on the error or a time budget; and the daemon's choice.
 
 import { bindGesture } from './panels.js';
 
-/** What the scene asks for: 'step', 'error' or 'time'. */
+/** The scene's kind of control: 'step', 'error' or 'time'. */
 export function qualityKind(scene) {
   if (scene?.quality?.maxError > 0) return 'error';
   return scene?.quality?.maxMilliseconds > 0 ? 'time' : 'step';
@@ -19,7 +19,7 @@ const ASK_AGAIN_MS = 1500;
 
 const short = (value) => String(Number(value.toPrecision(2)));
 
-/** Sliders of bounds are logarithmic: each whole number doubles. */
+/** Sliders of bounds are logarithmic: each unit doubles the bound. */
 const BOUNDS = {
   error: { member: 'maxError', first: 1 / 255, value: (x) => 2 ** x / 255, at: (v) => Math.log2(v * 255) },
   time: { member: 'maxMilliseconds', first: 32, value: (x) => 2 ** x, at: (v) => Math.log2(v) },
@@ -30,7 +30,7 @@ export class QualityPanel {
   #get;
   #store;
   #plan;
-  #asked = 0; // counts questions: only the newest answer is shown
+  #asked = 0; // request counter: only the newest reply is shown
 
   /** get(id): an element; plan(): promise of the session's plan */
   constructor(get, store, { gesture, plan }) {
@@ -46,14 +46,14 @@ export class QualityPanel {
     store.subscribe(() => this.update());
   }
 
-  /** A picture came: a final one has its sampling in the plan. */
+  /** After a picture: the plan of a final one has its sampling. */
   async frame({ final }) {
     if (!final || qualityKind(this.#store.scene) === 'step') return;
     const question = ++this.#asked;
     const { quality } = await this.#plan();
     if (question !== this.#asked) return;
     this.#get('quality-why').textContent = quality?.reason ?? '';
-    /* The first measurement of a look comes a little later, without a new picture. */
+    /* The first measurement of a look finishes later, without a new picture. */
     if (quality?.views === 0) setTimeout(() => question === this.#asked && this.frame({ final }), ASK_AGAIN_MS);
   }
 

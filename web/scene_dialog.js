@@ -1,10 +1,10 @@
-// The scene as JSON: copy, load, keep in a file, share.
+// The scene as JSON: copy, load, save to a file, share.
 
 export class SceneDialog {
   #get;
   #on;
 
-  /** get(id); on: scene() now, load(scene) async, share(role) -> address, async, toast(text) */
+  /** get(id); on: scene(), load(scene) async, share(role) -> URL async, toast(text) */
   constructor(get, on) {
     this.#get = get;
     this.#on = on;
@@ -55,7 +55,7 @@ export class SceneDialog {
     await this.#load();
   }
 
-  // The clipboard is closed to pages that came over plain http from another machine: then the text is selected instead.
+  // Pages over plain http from another machine may not use the clipboard: then selects the text instead.
   async #copy(text, done) {
     try {
       await navigator.clipboard.writeText(text);
@@ -74,7 +74,7 @@ export class SceneDialog {
   }
 }
 
-/** Hands a blob to the user as a download. */
+/** Offers a blob as a download. */
 export function saveFile(blob, name) {
   const link = document.createElement('a');
   link.href = URL.createObjectURL(blob);

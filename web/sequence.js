@@ -1,19 +1,19 @@
-// One volume of several in a file or series (times, echoes): a slider chooses it, a cine plays those that the daemon's
-// memory holds. Camera, look and slices stay. Nothing plays by itself: who prefers less motion need do nothing.
+// Series of several volumes (times, echoes): a slider selects one, a cine plays those resident in the daemon. Camera,
+// look and slices are kept. Nothing plays automatically, which respects prefers-reduced-motion.
 
-const PICTURE_MS = 2000; // a picture that takes longer is not waited for
+const PICTURE_MS = 2000; // longest wait for a picture
 
 export class Sequence {
   #get;
   #volumes;
   #client;
   #on;
-  #shown = null; // description of the volume on the picture
-  #known = new Map(); // number -> description: in the daemon's memory, as far as it is known
+  #shown = null; // description of the volume in the picture
+  #known = new Map(); // number -> description of the volumes known to be resident
   #wanted = 0; // number
-  #choosing = null; // the promise of what is under way
-  #run = null; // of the cine
-  #awaited = []; // {id, done}: volumes of the cine whose pictures are on their way
+  #choosing = null; // promise of the switch in progress
+  #run = null; // identity of the running cine
+  #awaited = []; // {id, done}: volumes of the cine whose pictures are due
   #allowed = true;
 
   /** on: shown(volume), problem(error), note(text) */
@@ -26,7 +26,7 @@ export class Sequence {
     get('play').addEventListener('click', () => this.toggle());
   }
 
-  /** A volume was opened: it is on its way to the picture. */
+  /** A volume was opened; its picture follows. */
   setVolume(volume) {
     this.stop();
     this.#shown = volume;
@@ -35,13 +35,13 @@ export class Sequence {
     this.#update();
   }
 
-  /** The session is for looking only. */
+  /** The session is view-only. */
   forbid() {
     this.#allowed = false;
     this.#update();
   }
 
-  /** A picture was drawn: others may have chosen its volume. */
+  /** A picture was drawn; another viewer may have switched the volume. */
   async frame({ volume }) {
     const at = this.#awaited.findIndex(({ id }) => id === volume);
     for (const { done } of this.#awaited.splice(0, at + 1)) done();
@@ -51,18 +51,18 @@ export class Sequence {
     if (!found?.dims) return;
     this.#shown = found;
     this.#known.set(found.volume, found);
-    if (!this.#choosing && at < 0) this.#wanted = found.volume; // the cine's own are behind what it wants
+    if (!this.#choosing && at < 0) this.#wanted = found.volume; // the cine's pictures lag behind its choice
     this.#on.shown(found);
     this.#update();
   }
 
-  /** Steps of the keyboard go round. */
+  /** Keyboard steps wrap around. */
   step(by) {
     const { frames = 1 } = this.#shown ?? {};
     if (frames > 1 && this.#allowed) this.choose(((this.#wanted - 1 + by + frames) % frames) + 1);
   }
 
-  /** The newest choice wins. @returns a promise: the session shows it */
+  /** The newest choice wins. @returns a promise resolved when the session shows it */
   choose(number) {
     this.#wanted = number;
     this.#update();
@@ -105,7 +105,7 @@ export class Sequence {
       await this.#client.show((await this.#bring(number)).id);
     } catch (error) {
       if (![404, 409].includes(error.status)) throw error;
-      this.#known.delete(number); // it was dropped meanwhile to make room
+      this.#known.delete(number); // it was evicted meanwhile
       await this.#client.show((await this.#bring(number)).id);
     }
   }
@@ -130,16 +130,16 @@ export class Sequence {
       if (next !== this.#wanted) {
         const drawn = this.#picture(this.#known.get(next).id);
         await this.choose(next);
-        await before; // one picture is drawn while the next is on its way
+        await before; // pipelined: one picture is drawn while the next is rendered
         before = drawn;
       }
       const period = 1000 / Number(this.#get('rate').value);
-      due = Math.max(due + period, performance.now() - period); // late by more than one, the cine does not hurry
+      due = Math.max(due + period, performance.now() - period); // a longer delay is skipped, not caught up
       await new Promise((done) => setTimeout(done, due - performance.now()));
     }
   }
 
-  /** @returns a promise: the volume was drawn, or passed over, or takes too long to wait for */
+  /** @returns a promise resolved when the volume was drawn or skipped, or after PICTURE_MS */
   #picture(id) {
     return new Promise((done) => {
       this.#awaited.push({ id, done });
@@ -152,7 +152,7 @@ export class Sequence {
     return numbers.find((number) => number > this.#wanted) ?? numbers[0];
   }
 
-  /** Loads the others beside the cine, until all are there or one drives another out. */
+  /** Loads the other volumes while the cine plays, until all are resident or one evicts another. */
   async #fill(run) {
     const { frames } = this.#shown;
     try {

@@ -1,4 +1,4 @@
-// The slider through the slices, beside the picture in mode mpr.
+// The slice slider beside the picture in mode mpr.
 
 import { add, scale } from './camera.js';
 import { slicePosition } from './caption.js';

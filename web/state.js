@@ -1,8 +1,8 @@
-// The scene as this client holds it, and what the daemon has not been told yet.
+// The scene of this client, and its edits that the daemon does not have yet.
 
 const isObject = (value) => value !== null && typeof value === 'object' && !Array.isArray(value);
 
-/** RFC 7396 merge patch; gives a new value, shares what did not change. */
+/** RFC 7396 merge patch; returns a new value that shares unchanged parts. */
 export function mergePatch(target, patch) {
   if (!isObject(patch)) return patch;
   const merged = isObject(target) ? { ...target } : {};
@@ -13,7 +13,7 @@ export function mergePatch(target, patch) {
   return merged;
 }
 
-/** Joins two patches into one with the effect of `first`, then `second`. A null stays: it still has to be sent. */
+/** Joins two patches into one with the effect of `first`, then `second`. Keeps nulls, which must still be sent. */
 export function joinPatches(first, second) {
   if (!isObject(first) || !isObject(second)) return second;
   const joined = { ...first };
@@ -23,26 +23,26 @@ export function joinPatches(first, second) {
   return joined;
 }
 
-/** The scene this client shows. Edits are applied at once and collected; take() hands them over as one patch. */
+/** The scene this client shows. Edits apply immediately and are collected; take() returns them as one patch. */
 export class SceneStore {
   scene = null;
   #pending = null;
   #listeners = new Set();
 
-  /** fn(scene, how): how is "edit" (ours), "history" (of an edit, there or back), "fit" (no step of undo) or "server" */
+  /** fn(scene, how): how is "edit" (ours), "history" (undo or redo), "fit" (not undoable) or "server" */
   subscribe(fn) {
     this.#listeners.add(fn);
     return () => this.#listeners.delete(fn);
   }
 
-  /** The daemon's word on the scene. Patches still on their way, and edits not yet sent, stay on top of it. */
+  /** Sets the daemon's scene. Patches in flight and edits not yet sent stay on top. */
   replace(scene, flying = []) {
     const above = this.#pending ? [...flying, this.#pending] : flying;
     this.scene = above.reduce(mergePatch, scene);
     this.#tell('server');
   }
 
-  /** An edit. Before the daemon has given a scene there is nothing to edit. */
+  /** Applies an edit; ignored before the daemon has sent a scene. */
   patch(patch, how = 'edit') {
     if (!this.scene) return;
     this.scene = mergePatch(this.scene, patch);
@@ -54,14 +54,16 @@ export class SceneStore {
     return this.#pending !== null;
   }
 
-  /** @returns {object|null} everything edited since the last call, as one merge patch */
+  /** @returns {object|null} all edits since the last call, as one merge patch */
   take() {
     const pending = this.#pending;
     this.#pending = null;
     return pending;
   }
 
-  /** Puts back a patch that was taken but may not have arrived; later edits win over it. The scene has it already. */
+  /**
+   * Puts back a patch that was taken but perhaps not received; later edits take precedence. The scene already has it.
+   */
   requeue(patch) {
     this.#pending = this.#pending ? joinPatches(patch, this.#pending) : patch;
   }

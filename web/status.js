@@ -1,7 +1,7 @@
-// The status line and the quality badge: what the picture is, and how it came here.
+// The status line and the quality badge: properties of the picture and of its transport.
 
 const FPS_WINDOW_MS = 2000;
-const IDLE_MS = 2500; // without a frame for this long, there is no rate to show
+const IDLE_MS = 2500; // after this long without a frame no rate is shown
 
 /** Frames per second from the times of the last frames, ms. */
 export function frameRate(times) {
@@ -9,12 +9,12 @@ export function frameRate(times) {
   return ((times.length - 1) * 1000) / (times.at(-1) - times[0] || 1);
 }
 
-/** "28:1": how much smaller than the pixels (24 bits each) the frame is. */
+/** "28:1": compression ratio of the frame against 24-bit pixels. */
 export function compressionRatio(header, bytes) {
   return `${Math.max(1, Math.round((header.width * header.height * 3) / Math.max(1, bytes)))}:1`;
 }
 
-/** @returns {{text: string, lossy: boolean}} what a reader must know of the picture's fidelity */
+/** @returns {{text: string, lossy: boolean}} what a reader must know about the picture's fidelity */
 export function fidelity(header, bytes) {
   if (header.format === 'png') return { text: 'LOSSLESS', lossy: false };
   return { text: `LOSSY q${header.quality} \u00b7 ${compressionRatio(header, bytes)}`, lossy: true };
@@ -24,7 +24,10 @@ const number = (value) => (value === undefined ? '\u2013' : value >= 100 ? value
 
 const in255 = (value) => (value * 255).toPrecision(2).replace(/e.*/, (power) => power.replace('+', ''));
 
-/** What the error meter found, with half of its 95 % interval: "error 0.40/255 \u00b1 0.10, max 3.1 (64 px)", and of surfaces how far they are off; its time is beside it. */
+/**
+ * The error meter's result with half of its 95 % interval: "error 0.40/255 \u00b1 0.10, max 3.1 (64 px)", and for
+ * surfaces their distance.
+ */
 export function errorText({ error, unmeasured }) {
   if (unmeasured) return `error not measured: ${unmeasured}`;
   if (!error) return '';
@@ -38,12 +41,12 @@ const depths = ({ depthRms, depthP99, outline }) =>
 
 const named = ({ label, surface }) => (label ? `label ${label}` : `surface ${surface + 1}`);
 
-/** A line for each surface that was met, where there are several: "surface 2: depth 0.031 mm rms, ..." */
+/** get(name): the element with id "stat-" + name; badge: the badge over the picture */
 export function surfaceLines({ surfaces = [] }) {
   return surfaces.length < 2 ? [] : surfaces.map((one) => `${named(one)}: ${depths(one)} (${one.pixels} px)`);
 }
 
-const FEW = 3; // that fit into the line; those of most pixels are first
+const FEW = 3; // the same picture sent again with its error is not a new one
 
 function surfaceText(error) {
   if (error.depthRms === undefined) return '';

@@ -1,11 +1,11 @@
-// Movement of pointers and keys into scene edits.
+// Converts movements of pointers and keys into scene edits.
 
 import * as camera from './camera.js';
 
 const LEAST_SLICE_PX = 3;
 const MOST_SLICE_PX = 24;
 
-/** How much a slice moves along `normal` (a unit vector) for one step of the wheel, mm: to the next layer of voxels. */
+/** Distance of one wheel step along `normal` (a unit vector), mm: to the next layer of voxels. */
 export function sliceStep(volume, normal) {
   if (!volume?.spacing) return 1;
   const along = camera.columns(volume).map((column) => Math.abs(camera.dot(column, normal)));
@@ -14,7 +14,9 @@ export function sliceStep(volume, normal) {
 
 /**
  * The patch for one display frame's movement (Input.drain), or null.
- * @param stage {width, height} CSS px  @param volume description with range and spacing  @param box of the volume
+ * @param stage {width, height} CSS px
+ * @param volume description with range and spacing
+ * @param box of the volume
  */
 export function steer(scene, moved, stage, volume, box) {
   const patch = scene.mode === 'mpr' ? steerSlice(scene, moved, stage, volume, box) : steerCamera(scene, moved, stage);
@@ -33,7 +35,7 @@ function steerCamera(scene, moved, stage) {
   return view === scene.camera ? {} : { camera: view };
 }
 
-/** The shift that belongs to a zoom which stopped at its limit: what was under the pointer stays there. */
+/** The shift for a zoom that stopped at its limit: keeps the point under the pointer. */
 function shiftWithin({ pan, factor }, reached) {
   return factor === 1 || Math.abs(reached - factor) < 1e-9 ? pan : pan.map((x) => (x * (1 - reached)) / (1 - factor));
 }
@@ -55,7 +57,7 @@ function steerSlice(scene, moved, stage, volume, box) {
   return Object.keys(patch).length ? { mpr: patch } : {};
 }
 
-/** The plane turned about its centre, as a picture in space is turned. */
+/** The plane rotated about its centre, like a picture in space. */
 function tilted(mpr, { orbit, roll }, box) {
   const center = mpr.center ?? box?.center ?? [0, 0, 0];
   const { direction, up } = camera.sliceBasis(mpr);
@@ -64,14 +66,14 @@ function tilted(mpr, { orbit, roll }, box) {
   return { orientation: 'oblique', center, normal: camera.scale(turned.direction, -1), up: turned.up };
 }
 
-/** The first and the last layer of a volume along a unit vector, mm from the origin. */
+/** The first and last layer of a volume along a unit vector, mm from the origin. */
 export function sliceEnds(box, direction) {
   const middle = camera.dot(box.center, direction);
   const half = box.edges.reduce((sum, edge) => sum + Math.abs(camera.dot(edge, direction)), 0) / 2;
   return [middle - half, middle + half];
 }
 
-/** How far a finger goes from one slice to the next, CSS px: about the stage's height is the whole volume. */
+/** Distance a finger moves per slice, CSS px: the stage's height is about the whole volume. */
 export function slicePixels(scene, stage, volume, box) {
   if (!box) return MOST_SLICE_PX;
   const { direction } = camera.sliceBasis(scene.mpr);
@@ -80,7 +82,7 @@ export function slicePixels(scene, stage, volume, box) {
   return Math.min(MOST_SLICE_PX, Math.max(LEAST_SLICE_PX, stage.height / layers));
 }
 
-/** Whether the slice shown is the last one. */
+/** Whether the last slice is shown. */
 export function atLastSlice(scene, box) {
   const { direction } = camera.sliceBasis(scene.mpr);
   return camera.dot(scene.mpr?.center ?? box.center, direction) > sliceEnds(box, direction)[1] - 1e-6;
@@ -94,7 +96,7 @@ function scrolled(center, direction, slices, volume, box) {
   return camera.add(center, camera.scale(direction, next - at));
 }
 
-/** What a slice picture's height spans, mm: at zoom 1 the whole plane shows. */
+/** Height of a slice picture, mm: at zoom 1 the whole plane is visible. */
 export function sliceHeight(scene, stage, box) {
   if (!box) return stage.height;
   const { right, up } = camera.sliceBasis(scene.mpr);
@@ -102,7 +104,7 @@ export function sliceHeight(scene, stage, box) {
   return Math.max(extent(up), (extent(right) * stage.height) / stage.width) / (scene.mpr?.zoom ?? 1);
 }
 
-/** Where in the patient a point of a slice picture of size {width, height} lies, LPS mm; y down. */
+/** The patient position (LPS mm) of a point in a slice picture of size {width, height}; y down. */
 export function slicePlace(scene, [x, y], size, box) {
   const { right, up } = camera.sliceBasis(scene.mpr);
   const mm = sliceHeight(scene, size, box) / size.height;
@@ -110,7 +112,7 @@ export function slicePlace(scene, [x, y], size, box) {
   return camera.add(scene.mpr.center ?? box.center, camera.add(across, camera.scale(up, (size.height / 2 - y) * mm)));
 }
 
-// The whole width of the stage is about the whole range of values, finer for narrow windows.
+// The stage's width is about the whole range of values, less for narrow windows.
 function steerWindow(scene, [dx, dy], stage, volume) {
   const { center = 0, width = 1 } = scene.window ?? {};
   const [low, high] = volume?.range ?? [0, 1];

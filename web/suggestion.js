@@ -1,10 +1,10 @@
-// The mode that the plan expects to draw an opaque surface fastest: offered where the mode in use is much slower.
+// Suggests the mode that the plan expects to draw an opaque surface fastest, if the current mode is much slower.
 
 const NAMES = { isosurface: 'an isosurface', mesh: 'a surface mesh', splat: 'splats (coarser outlines)' };
-const WORTH = 1.5; // times faster
+const WORTH = 1.5; // least speed-up worth a suggestion
 const short = (ms) => Number(ms.toPrecision(2));
 
-/** What is asked about: an answer is for one surface, however it is turned. */
+/** Identifies the surface asked about, independent of the camera. */
 const subject = ({ mode, isosurface, splat }) =>
   mode in NAMES ? JSON.stringify([mode, isosurface?.value, splat?.threshold]) : '';
 
@@ -24,7 +24,7 @@ export class Suggestion {
   #asked = '';
   #offered = null;
 
-  /** get(id): an element; plan(): promise of the session's plan; take(mode): goes there */
+  /** get(id): an element; plan(): promise of the session's plan; take(mode): switches to it */
   constructor(get, store, { plan, take }) {
     this.#get = get;
     this.#store = store;
@@ -33,7 +33,7 @@ export class Suggestion {
     store.subscribe(() => this.#update());
   }
 
-  /** A picture came: a final one of another surface is asked about, once. */
+  /** After a picture: asks once for each surface with a final picture. */
   async frame({ final }) {
     const { scene } = this.#store;
     const about = subject(scene);

@@ -1,4 +1,4 @@
-// The list of surfaces that modes mesh, dvr and mip draw: edits scene.mesh.surfaces, which is sent as a whole.
+// The list of surfaces drawn in modes mesh, dvr and mip: edits scene.mesh.surfaces, which is sent as a whole.
 
 import { bindGesture } from './panels.js';
 import { fromHex, toHex } from './transfer_model.js';
@@ -10,7 +10,7 @@ const PLANES = ['axial', 'coronal', 'sagittal'];
 
 const element = (name, properties) => Object.assign(document.createElement(name), properties);
 
-/** The list with one more surface: translucent, around the one that is there. @param range of the volume's values */
+/** The list plus one translucent surface around the existing one. @param range of the volume's values */
 export function withSurface({ isosurface, mesh }, [low]) {
   const first = { value: isosurface.value, color: isosurface.color, opacity: 1, visible: true };
   const list = mesh?.surfaces?.length ? mesh.surfaces : [first];
@@ -18,7 +18,7 @@ export function withSurface({ isosurface, mesh }, [low]) {
   return [...list, { value: Math.round((low + 2 * least) / 3), color: SKIN, opacity: 0.3, visible: true }];
 }
 
-/** What a surface is of, in words. */
+/** Name of a surface's source. */
 export const nameOf = ({ label, mesh, plane }) =>
   label ? `Label ${label}` : mesh ? mesh : plane ? `Slice, ${plane}` : 'Value';
 
@@ -27,7 +27,7 @@ export class Surfaces {
   #store;
   #gesture;
   #range = [0, 1];
-  #rows = []; // {kind, controls} in the list's order
+  #rows = []; // {kind, controls} in list order
 
   constructor(get, store, gesture) {
     this.#get = get;
@@ -42,7 +42,7 @@ export class Surfaces {
 
   setVolume(range) {
     this.#range = range;
-    this.#rows = []; // sliders span other values
+    this.#rows = []; // rebuilt, since the sliders span other values
     this.update();
   }
 
@@ -56,7 +56,7 @@ export class Surfaces {
     list.forEach((surface, i) => {
       const { value, color, own, opacity, eye, look } = this.#rows[i];
       if (own) own.disabled = !surface.color;
-      if (own) color.classList.toggle('unset', !surface.color); // it shows no colour of theirs
+      if (own) color.classList.toggle('unset', !surface.color); // the mesh's own colours are in use
       if (look) look.value = surface.model ?? '';
       if (value && document.activeElement !== value) value.value = surface.value;
       if (document.activeElement !== opacity) opacity.value = surface.opacity;
@@ -65,7 +65,7 @@ export class Surfaces {
       eye.textContent = surface.visible ? 'Shown' : 'Hidden';
       eye.ariaLabel = `${eye.textContent}: surface ${i + 1}`;
     });
-    if (list.length && this.#store.scene.mode === 'mesh') this.#get('single-surface').hidden = true; // it is not read then
+    if (list.length && this.#store.scene.mode === 'mesh') this.#get('single-surface').hidden = true; // not read then
     this.#get('surfaces-add').disabled = this.#get('surfaces-slice').disabled = list.length >= MOST;
   }
 

@@ -1,5 +1,5 @@
-// The transfer function over the histogram: knots are dragged, added by double-click, removed by right-click, Delete or
-// by dragging them out. Every knot is a focusable slider, so all of it works from the keyboard too.
+// The transfer function over the histogram: knots are dragged, added by double click, removed by right click, Delete or
+// dragging them out. Every knot is a focusable slider, so that everything works from the keyboard too.
 
 import {
   addKnot,
@@ -20,8 +20,8 @@ import {
 import { svg } from './furniture.js';
 
 const PAD = { left: 8, right: 8, top: 10, bottom: 30 };
-const RAMP_HEIGHT = 8; // colour ramp under the curve, px
-const DRAG_OUT_PX = 40; // this far outside, a dragged knot is dropped
+const RAMP_HEIGHT = 8; // colour ramp below the curve, px
+const DRAG_OUT_PX = 40; // dragged this far outside, a knot is removed
 const KEY_STEP = 1 / 200; // of the shown range
 
 export class TransferEditor {
@@ -30,13 +30,13 @@ export class TransferEditor {
   #root;
   #parts = {};
   #points = [];
-  #range = [0, 1]; // shown stretch of the value axis
-  #whole = [0, 1]; // of the volume
+  #range = [0, 1]; // shown part of the value axis
+  #whole = [0, 1]; // range of the volume
   #histogram = null;
   #log = true;
   #selected = 0;
   #drag = null; // {kind: 'knot' | 'axis' | 'pinch', ...}
-  #fingers = new Map(); // pointer id -> clientX of what is down
+  #fingers = new Map(); // pointer id -> clientX of pointers that are down
   #size = { width: 320, height: 220 };
 
   /** change(points, {index}) on every edit; gesture(bool) around a drag; select(index); range([low, high]) */
@@ -60,7 +60,7 @@ export class TransferEditor {
     return this.#range;
   }
 
-  /** The function as the scene has it; a knot being dragged keeps its place in the list. */
+  /** Sets the scene's function; a knot being dragged keeps its index. */
   setPoints(points) {
     this.#points = points;
     this.#drawCurve();
@@ -78,7 +78,7 @@ export class TransferEditor {
     this.#drawHistogram();
   }
 
-  /** Zooms the value axis, within reach of the data. */
+  /** Zooms the value axis, limited to the data. */
   setRange(range) {
     const least = (this.#whole[1] - this.#whole[0]) * 1e-5;
     this.#range = rangeWithin(range, axisReach(this.#points, this.#whole), least);
@@ -102,7 +102,7 @@ export class TransferEditor {
     if (focus) this.#parts.knots.children[index]?.focus();
   }
 
-  /** Edits from the fields beside the plot; what is undefined stays. */
+  /** Edits from the fields beside the plot; undefined values are kept. */
   set(value, amount) {
     const now = this.#points[this.selected];
     this.#change(moveKnot(this.#points, this.selected, value ?? now.value, amount ?? amountOf(now)));
@@ -120,7 +120,7 @@ export class TransferEditor {
     this.#on.select(this.selected);
   }
 
-  /** Adds a knot beside the selected one, for people without a pointer. */
+  /** Adds a knot beside the selected one, for keyboard users. */
   addNext() {
     const here = this.#points[this.selected];
     const next = this.#points[this.selected + 1];
@@ -201,7 +201,7 @@ export class TransferEditor {
     }
     const { counts, edges } = this.#histogram;
     const size = this.#log ? (count) => Math.log1p(count) : (count) => count;
-    // The largest of a few bins is often air; the second largest scale shows tissue in the linear view.
+    // The largest bins often are air; scaling to the third largest shows tissue in the linear view.
     const shown = counts
       .filter((_, i) => edges[i + 1] > this.#range[0] && edges[i] < this.#range[1])
       .sort((a, b) => b - a);
@@ -250,7 +250,7 @@ export class TransferEditor {
     this.#drawKnots();
   }
 
-  // Far-away knots (a preset that ends at 3071) would give coordinates that drawing libraries round badly.
+  // Clamps far-away knots (a preset that ends at 3071), whose coordinates drawing libraries round badly.
   #clampX(value) {
     return Math.min(1e5, Math.max(-1e5, this.#x(value))).toFixed(1);
   }
@@ -329,7 +329,7 @@ export class TransferEditor {
       this.select(index, true);
       const { value, amount } = this.#at(event);
       const point = this.#points[index];
-      const hold = [point.value - value, amountOf(point) - amount]; // the knot must not jump to the pointer
+      const hold = [point.value - value, amountOf(point) - amount]; // keeps the knot's offset to the pointer
       this.#drag = { kind: 'knot', index, hold, origin: this.#points, removed: false };
       this.#on.gesture(true);
     } else {
@@ -346,7 +346,7 @@ export class TransferEditor {
     else this.#dragKnot(event);
   }
 
-  // Two fingers hold a value each. What one of them did alone ends here.
+  // Each finger holds a value. Ends the drag of a single finger.
   #pinch() {
     if (this.#drag?.kind === 'knot') this.#on.gesture(false);
     const values = [...this.#fingers].slice(0, 2).map(([id, event]) => ({ id, value: this.#at(event).value }));
@@ -435,7 +435,7 @@ export class TransferEditor {
 
 function newKnot() {
   const knot = svg('g', { role: 'slider', class: 'knot' });
-  svg('circle', { class: 'reach', r: 14 }, knot); // what a finger can hit
+  svg('circle', { class: 'reach', r: 14 }, knot); // touch target
   svg('circle', { class: 'ring', r: 8 }, knot);
   svg('circle', { class: 'dot', r: 5.5 }, knot);
   return knot;

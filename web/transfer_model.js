@@ -1,14 +1,14 @@
-// Transfer functions as lists of knots: pure edits, each gives a new list. Values are in the volume's unit.
+// Transfer functions as lists of knots: pure edits, each returns a new list. Values are in the volume's unit.
 //
-// A knot is {value, color: [r, g, b] 0..1, opacity} or {value, color, extinction}; one list uses one of the two.
-// Knots stay in ascending order; two at one value make a jump. The function is constant beyond its ends.
+// A knot is {value, color: [r, g, b] 0..1, opacity} or {value, color, extinction}; a list uses one of the two. Knots
+// are in ascending order; two at one value make a jump. The function is constant beyond its ends.
 
 /** "opacity" (0..1 per unit distance) or "extinction" (1/mm). */
 export const amountName = (points) => (points.length && points[0].extinction !== undefined ? 'extinction' : 'opacity');
 
 export const amountOf = (point) => point.extinction ?? point.opacity ?? 0;
 
-/** Top of the amount axis: 1 for opacity, a round number above the largest knot for extinction. */
+/** Top of the amount axis: 1 for opacity, a round number above the largest extinction. */
 export function amountLimit(points) {
   if (amountName(points) === 'opacity') return 1;
   const most = Math.max(1e-3, ...points.map(amountOf));
@@ -30,7 +30,7 @@ export function sample(points, value) {
   };
 }
 
-/** Adds a knot in its place, with the colour the function has there. @returns {{points, index}} */
+/** Inserts a knot with the function's colour at its value. @returns {{points, index}} */
 export function addKnot(points, value, amount) {
   const name = amountName(points);
   const { color } = points.length ? sample(points, value) : { color: [1, 1, 1] };
@@ -40,7 +40,7 @@ export function addKnot(points, value, amount) {
   return { points: [...points.slice(0, index), knot, ...points.slice(index)], index };
 }
 
-/** Moves one knot; it stops at its neighbours, so the order stays. */
+/** Moves one knot, at most up to its neighbours, so that the order is kept. */
 export function moveKnot(points, index, value, amount) {
   const low = index > 0 ? points[index - 1].value : -Infinity;
   const high = index < points.length - 1 ? points[index + 1].value : Infinity;
@@ -54,16 +54,16 @@ export function moveKnot(points, index, value, amount) {
 export const colorKnot = (points, index, color) =>
   points.map((point, i) => (i === index ? { ...point, color } : point));
 
-/** The last knot stays: a function needs one. */
+/** Keeps the last knot, since a function needs one. */
 export const removeKnot = (points, index) => (points.length > 1 ? points.filter((_, i) => i !== index) : points);
 
 /** Shifts the whole curve along the value axis. */
 export const shiftKnots = (points, delta) => points.map((point) => ({ ...point, value: point.value + delta }));
 
-const OPAQUE = 0.999; // what is fully opaque is scaled as this: it must become thinner too
-const MADE_FROM = new WeakMap(); // a list that scaleAmounts made -> {points, factor}: scaled again from there
+const OPAQUE = 0.999; // full opacity is scaled as this value, since infinite extinction could not become thinner
+const MADE_FROM = new WeakMap(); // scaled list -> {points, factor}: further scaling starts from the original
 
-/** Multiplies the extinction of all knots. Scaled by a factor and then by its inverse, a function is what it was. */
+/** Multiplies the extinction of all knots. Scaling by a factor and its inverse restores the function. */
 export function scaleAmounts(points, factor) {
   const origin = MADE_FROM.get(points) ?? { points, factor: 1 };
   const total = origin.factor * factor;
@@ -77,7 +77,7 @@ export function scaleAmounts(points, factor) {
   return scaled;
 }
 
-/** A stretch of the value axis that shows all knots. */
+/** A range of the value axis that shows all knots. */
 export function knotRange(points, whole) {
   if (!points.length) return [...whole];
   const low = points[0].value;
@@ -86,7 +86,7 @@ export function knotRange(points, whole) {
   return [low - margin, high + margin];
 }
 
-/** How far the value axis may go: all values and all knots, and a margin. */
+/** The limits of the value axis: all values and all knots, with a margin. */
 export function axisReach(points, [low, high]) {
   const values = points.map(({ value }) => value);
   const [first, last] = [Math.min(low, ...values), Math.max(high, ...values)];
@@ -94,14 +94,14 @@ export function axisReach(points, [low, high]) {
   return [first - margin, last + margin];
 }
 
-/** The range nearest to a wanted one that lies inside `reach` and is at least `least` wide. */
+/** The nearest range inside `reach` that is at least `least` wide. */
 export function rangeWithin([low, high], reach, least) {
   const span = Math.min(reach[1] - reach[0], Math.max(least, high - low));
   const start = Math.min(reach[1] - span, Math.max(reach[0], low));
   return [start, start + span];
 }
 
-/** The range that has each of two values at its place, places 0..1 of the axis; null where they are too close. */
+/** The range that puts each of two values at its place, 0..1 of the axis; null if they are too close. */
 export function rangeThrough([a, b]) {
   if (Math.abs(b.place - a.place) < 0.02) return null;
   const span = (b.value - a.value) / (b.place - a.place);
@@ -124,7 +124,7 @@ function clampAmount(name, amount) {
   return name === 'opacity' ? Math.min(1, Math.max(0, amount)) : Math.max(0, amount);
 }
 
-/** A number for people: enough digits for the span it is read in, no trailing noise. */
+/** A number for display: enough digits for the range it is read in, without trailing zeros. */
 export function formatValue(value, span = 1000) {
   const digits = Math.max(0, Math.min(6, 3 - Math.floor(Math.log10(Math.abs(span) || 1))));
   return String(Number(value.toFixed(digits)));

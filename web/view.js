@@ -1,15 +1,15 @@
-// Frames onto the canvas: decodes only the newest, draws on the display's beat, confirms after drawing.
+// Frames onto the canvas: decodes only the newest, draws on display frames, acknowledges after drawing.
 
 export class View {
   #canvas;
   #context;
   #on;
-  #newest = null; // {frame, covers}: not yet being decoded
+  #newest = null; // {frame, covers} waiting to be decoded
   #decoding = false;
-  #ready = null; // {header, bytes, bitmap, covers}: waits for the next beat
-  #epoch = 0; // a decode that began before forget() is dropped when it ends
+  #ready = null; // {header, bytes, bitmap, covers} waiting for the next display frame
+  #epoch = 0; // a decode started before forget() is dropped when it ends
 
-  /** onDraw({header, bytes}) after a frame is on the canvas; onAck(frame number); onError(Error) */
+  /** onDraw({header, bytes}) when a frame is on the canvas; onAck(frame number); onError(Error) */
   constructor(canvas, on) {
     this.#canvas = canvas;
     this.#context = canvas.getContext('2d', { alpha: false });
@@ -22,7 +22,7 @@ export class View {
     if (!this.#decoding) this.#decode();
   }
 
-  /** Forgets what has not been drawn; the picture stays. For a new connection, whose frame numbers start again. */
+  /** Drops frames not yet drawn; the picture stays. For a new connection, whose frame numbers start again. */
   forget() {
     this.#epoch += 1;
     this.#newest = null;
@@ -74,8 +74,8 @@ export class View {
     this.#on.onDraw({ header, bytes });
   }
 
-  // A frame of lower resolution is stretched over the same canvas: changing a canvas's size clears it, and the picture
-  // must not jump while it is turned.
+  // A frame of lower resolution is stretched over the same canvas: resizing a canvas clears it, and the picture must
+  // not jump during a rotation.
   #resize({ width, height, final }) {
     const same = Math.abs(this.#canvas.width / this.#canvas.height - width / height) < 0.02;
     if (same && !final && width <= this.#canvas.width) return;
@@ -90,7 +90,7 @@ export class View {
   }
 }
 
-/** Numbers of frames that will never be drawn, and of the one that took their place; confirmed together. */
+/** Numbers of the frames that were dropped and of the one that replaced them, acknowledged together. */
 const numbersOf = (covers = [], header = undefined) => (header ? [...covers, header.frame] : [...covers]);
 
 /**

@@ -1,4 +1,4 @@
-// The volumes of the daemon: list, load, upload; and the dialog that shows them.
+// The volumes of the daemon: list, load, upload; and the dialog that lists them.
 
 import { Problem } from './api.js';
 import { lengthsText } from './units.js';
@@ -7,14 +7,16 @@ const POLL_MS = 400;
 const KINDS = ['.nii', '.hdr', '.nrrd', '.nhdr', '.mha', '.mhd', '.mgh', '.mgz', '.par', '.mnc', '.png', '.tif', '.tiff', '.zip', '.dcm', '.vmd'];
 const SUFFIXES = KINDS.flatMap((end) => [`${end}.gz`, `${end}.bz2`, end]);
 
-// A folder, or a zip; a file of any other name is one volume.
+// A folder or a zip may hold series; any other file is one volume.
 const mayHoldSeries = (path) =>
   !path.startsWith('demo:') && (/\.zip$/i.test(path) || !SUFFIXES.some((end) => path.toLowerCase().endsWith(end)));
 
 const MESH = /\.(obj|ply|stl)(\.gz|\.bz2)?$/i;
 export const isMesh = ({ name }) => MESH.test(name);
 
-/** One list out of the reply of GET /v1/volumes, resident first. Available files have a path and the id to load as. */
+/**
+ * One list from the reply of GET /v1/volumes, resident ones first. Available files have a path and the id to load as.
+ */
 export function volumeList({ volumes = [], available = [] }) {
   const known = new Set(volumes.map(({ id }) => id));
   const ids = idsFor(available.map(({ path }) => path));
@@ -23,8 +25,8 @@ export function volumeList({ volumes = [], available = [] }) {
 }
 
 /**
- * Ids for paths of the data folder, in the characters an id may have: the file's name without suffix; where two files
- * share that, with suffix; where they share even that, with their folders.
+ * Ids for paths of the data folder, in the characters an id may have: the file's name without suffix; if two files
+ * share it, with suffix; if they share that too, with their folders.
  */
 export function idsFor(paths) {
   const names = paths.map((path) =>
@@ -53,7 +55,7 @@ const slug = (text) =>
     .replace(/^-+|-+$/g, '')
     .slice(-60) || 'volume';
 
-/** The next free upload id. Never the file's name: that often is the patient's, and ids go into addresses and logs. */
+/** The next free upload id. Not the file's name, which often is the patient's: ids appear in addresses and logs. */
 export function uploadId(taken) {
   let n = 1;
   while (taken.has(`upload-${n}`)) n += 1;
@@ -67,7 +69,7 @@ export function formatBytes(bytes) {
   return `${Number((bytes / 1000 ** power).toPrecision(3))} ${units[power]}`;
 }
 
-/** "256 × 256 × 225 · 0.9 × 0.9 × 1 mm · int16 · 29.5 MB" as far as it is known. */
+/** "256 × 256 × 225 · 0.9 × 0.9 × 1 mm · int16 · 29.5 MB", as far as known. */
 export function describe({ dims, spacing, type, bytes }) {
   const parts = [];
   if (dims) parts.push(dims.join(' \u00d7 '));
@@ -77,13 +79,13 @@ export function describe({ dims, spacing, type, bytes }) {
   return parts.join(' \u00b7 ');
 }
 
-/** "Thorax 1.0 · CT · 131 images · 14:03:22": a series as a radiologist knows it. */
+/** "Thorax 1.0 · CT · 131 images · 14:03:22": a series in a radiologist's terms. */
 export function seriesText({ description, label, modality, frames, time, patient }) {
   const images = frames ? `${frames} image${frames === 1 ? '' : 's'}` : '';
   return [description || label, modality, images, time, patient].filter(Boolean).join(' \u00b7 ');
 }
 
-/** What could be loaded of a path: {id, path, text} of each volume of each series. */
+/** The choices for a path: {id, path, text} of each volume of each series. */
 export function choicesOf({ id, path }, series) {
   return series.flatMap((one) =>
     one.volumes.map(({ number, slices, what }) => ({
@@ -96,7 +98,7 @@ export function choicesOf({ id, path }, series) {
 
 export class Volumes {
   #api;
-  #thumbnails = new Map(); // what names a volume -> promise of its picture's address
+  #thumbnails = new Map(); // key of a volume -> promise of its picture's URL
 
   constructor(api) {
     this.#api = api;
@@ -106,7 +108,10 @@ export class Volumes {
     return volumeList(await this.#api.json('GET', 'v1/volumes'));
   }
 
-  /** Ids that a new one must not be. kind: 'volumes', or 'meshes', which are named in the same list of names. */
+  /**
+   * Ids in use. kind: 'volumes', or 'meshes', whose ids must differ from those of volumes too, since LocalNames keeps
+   * both in one list.
+   */
   async taken(kind) {
     const { meshes } = kind === 'meshes' ? await this.#api.json('GET', 'v1/meshes') : { meshes: [] };
     return new Set([...(await this.list()), ...meshes].map(({ id }) => id));
@@ -129,9 +134,9 @@ export class Volumes {
     return this.#api.json('GET', `v1/volumes/${encodeURIComponent(id)}/histogram?bins=${bins}`);
   }
 
-  /** Its picture, made once of each volume for as long as the page lives; empty where there is none. */
+  /** The thumbnail of a volume, fetched once per page; empty if there is none. */
   thumbnail({ id, bytes, range }) {
-    const key = `${id} ${bytes} ${range}`; // an id may be given to another volume
+    const key = `${id} ${bytes} ${range}`; // an id may be reused for another volume
     const picture = Object.assign(new Image(96, 96), { className: 'thumbnail', alt: '' });
     if (!this.#thumbnails.has(key)) {
       const path = `v1/volumes/${encodeURIComponent(id)}/thumbnail`;
@@ -146,7 +151,7 @@ export class Volumes {
     return picture;
   }
 
-  /** Has a volume loaded, whatever its state is now. onProgress(fraction or undefined). @returns its description */
+  /** Loads a volume, whatever its state. onProgress(fraction or undefined). @returns its description */
   async bring(id, onProgress, signal) {
     let volume;
     try {
@@ -170,7 +175,7 @@ export class Volumes {
     }
   }
 
-  /** Another volume of the file that the resident volume `of` comes from. */
+  /** Loads another volume from the file of the resident volume `of`. */
   another(id, of, volume) {
     return this.#api.json('POST', 'v1/volumes', { json: { id, of, volume } });
   }
@@ -191,7 +196,7 @@ export class Volumes {
   }
 }
 
-/** Shows the list, ready to search. on: choose(id), problem(error), nameOf(volume) in this tab */
+/** The dialog with the list and a search field. on: choose(id), problem(error), nameOf(volume) in this tab */
 export class VolumeDialog {
   #dialog;
   #list;
@@ -226,7 +231,7 @@ export class VolumeDialog {
     this.#dialog.close();
   }
 
-  // The arrows go from the search field down the list and back.
+  // Arrow keys move between the search field and the list.
   #walk(event) {
     const step = { ArrowDown: 1, ArrowUp: -1 }[event.key];
     if (!step) return;
@@ -255,7 +260,7 @@ export class VolumeDialog {
     const fits = (item) => text(item).toLowerCase().includes(wanted);
     const focused = document.activeElement?.dataset?.id;
     const ids = new Set(this.#items.map(({ id }) => id));
-    const first = ({ of }) => !ids.has(of); // the others of its file are chosen on the picture
+    const first = ({ of }) => !ids.has(of); // the other volumes of its file are chosen with the slider
     this.#list.replaceChildren(...this.#items.filter((item) => first(item) && fits(item)).map((item) => this.#item(item)));
     if (!this.#items.length) this.#list.append('No volume yet. Upload one, or start the server with a data folder.');
     [...this.#list.querySelectorAll('.volume-item')].find(({ dataset }) => dataset.id === focused)?.focus();
@@ -288,7 +293,7 @@ export class VolumeDialog {
     this.#on.choose(item.id);
   }
 
-  // Loading says what is wrong with a folder that has no list.
+  // A folder without a list is loaded, which reports its error.
   async #choicesOf(item) {
     try {
       return choicesOf(item, await this.#volumes.series(item.path));

@@ -1,19 +1,18 @@
-// One WebSocket that comes back: opens, notices silence, waits longer after each failure, counts the seconds down.
+// A WebSocket that reconnects: detects silence, waits longer after each failure, reports a countdown.
 
 const PROTOCOL = 'tomocast.v1';
-const PING_MS = 15000; // quiet connections are asked for a sign of life this often
-const SILENCE_MS = 30000; // and are given up after this long without one
-const OPEN_MS = 8000; // an attempt that neither opens nor fails is given up
-const WAITS_MS = [500, 1000, 2000, 4000, 8000]; // before attempt 1, 2, ...; the last one repeats
+const PING_MS = 15000; // interval of pings on a quiet connection
+const SILENCE_MS = 30000; // without a sign of life for this long the connection is closed
+const OPEN_MS = 8000; // time limit of an attempt
+const WAITS_MS = [500, 1000, 2000, 4000, 8000]; // before attempt 1, 2, ...; the last value repeats
 
-/** How long to wait before attempt n = 0, 1, 2... */
+/** Wait before attempt n = 0, 1, 2... */
 export const waitBefore = (attempt) => WAITS_MS[Math.min(attempt, WAITS_MS.length - 1)];
 
 /**
- * Callbacks, all optional: onText(object), onBytes(Uint8Array), onOpen(), onState({state, inMs, reason}).
- * state is "connecting", "open", "waiting" (inMs until the next attempt) or "closed".
- * `locate` is async and gives the address for the next attempt; when it throws, the attempt has failed.
- * An error with `fatal` set ends the attempts.
+ * Callbacks, all optional: onText(object), onBytes(Uint8Array), onOpen(), onState({state, inMs, reason}). state is
+ * "connecting", "open", "waiting" (inMs until the next attempt) or "closed". `locate` is async and returns the address
+ * for the next attempt; if it throws, the attempt has failed, and an error with `fatal` set ends the attempts.
  */
 export class Wire {
   #locate;
@@ -22,7 +21,7 @@ export class Wire {
   #socket = null;
   #attempt = 0;
   #timers = new Set();
-  #generation = 0; // callbacks of older sockets and timers are dropped
+  #generation = 0; // callbacks of older sockets and timers are ignored
   state = 'closed';
 
   constructor(locate, callbacks, Socket = globalThis.WebSocket) {
@@ -44,12 +43,12 @@ export class Wire {
     if (generation === this.#generation) this.#connect(address, generation);
   }
 
-  /** Tries at once instead of waiting for the countdown. */
+  /** Tries immediately instead of waiting for the countdown. */
   retryNow() {
     if (this.state === 'waiting') this.open();
   }
 
-  /** @returns {boolean} false when there is no open connection; nothing is queued then */
+  /** @returns {boolean} false without an open connection; nothing is queued then */
   send(message) {
     if (this.state !== 'open') return false;
     this.#socket.send(JSON.stringify(message));
@@ -93,7 +92,7 @@ export class Wire {
     try {
       message = JSON.parse(data);
     } catch {
-      return; // a message nobody can read is not a reason to drop the picture
+      return; // an unreadable message is no reason to drop the picture
     }
     if (message && typeof message === 'object') this.#on.onText?.(message);
   }

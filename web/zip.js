@@ -1,10 +1,11 @@
-// A zip of files as they are (method "stored"), so that a folder of DICOM files can be sent as one body. The bytes stay
-// on disk: the archive is a Blob that refers to the files. Names inside are numbers: file names often name people.
+// A zip of uncompressed files (method "stored"), so that a folder of DICOM files can be sent as one body. The bytes
+// stay on disk: the archive is a Blob that refers to the files. Entries are named by numbers, since file names often
+// contain patients' names.
 
 const LOCAL = 0x04034b50;
 const CENTRAL = 0x02014b50;
 const END = 0x06054b50;
-const MOST_BYTES = 0xffffffff; // without the 64-bit extension
+const MOST_BYTES = 0xffffffff; // limit without the zip64 extension
 const MOST_FILES = 65535;
 
 const TABLE = new Uint32Array(256).map((_, n) => {
@@ -32,9 +33,10 @@ function fields(...pairs) {
 const byName = new Intl.Collator('en', { numeric: true });
 
 /**
- * Names stay here: they may be a patient's. Their order is kept, which is that of slices where nothing else tells it.
+ * Builds the archive. Names are left out, since they may be a patient's. The order is kept, which is the order of the
+ * slices if nothing else gives it.
  * @param {Blob[]} files
- * @param {(fraction: number) => void} onProgress while the files are read once for their check sums
+ * @param {(fraction: number) => void} onProgress while the files are read for their checksums
  * @returns {Promise<Blob>}
  */
 export async function zip(files, onProgress = () => {}) {
@@ -73,7 +75,7 @@ export async function zip(files, onProgress = () => {}) {
   return new Blob([...parts, ...directory, end], { type: 'application/zip' });
 }
 
-/** All files of a drop, folders walked. To be called within the event: the list is empty afterwards. */
+/** All files of a drop, including those in folders. Call within the event: the list is empty afterwards. */
 export async function droppedFiles(transfer) {
   const entries = [...transfer.items].map((item) => item.webkitGetAsEntry?.()).filter(Boolean);
   if (!entries.length) return [...transfer.files];
@@ -86,7 +88,7 @@ async function walk(entry) {
   const reader = entry.createReader();
   const found = [];
   for (;;) {
-    // gives at most a hundred at a time
+    // returns at most a hundred per call
     const some = await new Promise((resolve, reject) => reader.readEntries(resolve, reject));
     if (!some.length) break;
     found.push(...some);

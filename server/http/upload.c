@@ -64,9 +64,7 @@ static void free_upload(tcs_upload *upload) {
 }
 
 static void resume(tcs_upload *upload) {
-  if (!upload->request || upload->ended || !upload->request->suspended)
-    return; /* others may suspend it after the end
-             *  */
+  if (!upload->request || upload->ended || !upload->request->suspended) return; /* others suspend later */
   upload->request->suspended = false;
   upload->server->http_work = true;
   upload->window_us = g_get_monotonic_time(); /* a suspended client could not send */
