@@ -1,6 +1,6 @@
-# Turns the page's sources in WEB into what a browser loads, in OUT: one script, one style sheet, one icon, each named after
-# its contents, so that a browser may keep it for good, and index.html, which names them. Beside each its gzip.
-# Modules are put one after the other, dependencies first, each in a function of its own. They may import './NAME.js' by
+# Bundles the page's sources in WEB for browsers, into OUT: one script, one style sheet and one icon, each with a hash
+# of its contents in its name, so that browsers may cache it for ever; index.html, which refers to them; and a gzip of
+# each. Modules are concatenated, dependencies first, each in a function of its own. They may import './NAME.js' by
 # names or as a whole, and export const, class, function and async function; anything else stops the build.
 
 function(add_module name)
@@ -18,7 +18,7 @@ function(add_module name)
     string(REGEX REPLACE ".*'\\./([a-z_0-9]+)\\.js'" "\\1" needed "${import}")
     add_module(${needed})
   endforeach()
-  string(REGEX REPLACE "\n */\\*\\*([^*]|\\*[^/])*\\*/" "" text "${text}") # comments on lines of their own
+  string(REGEX REPLACE "\n */\\*\\*([^*]|\\*[^/])*\\*/" "" text "${text}") # JSDoc comments
   string(REGEX REPLACE "\n *//[^\n]*" "" text "${text}")
   string(REGEX REPLACE "\nimport \\* as ([A-Za-z]+) from '\\./([a-z_0-9]+)\\.js'" "\nconst \\1 = $\\2" text "${text}")
   string(REGEX REPLACE "\nimport ({[^}]*}) from '\\./([a-z_0-9]+)\\.js'" "\nconst \\1 = $\\2" text "${text}")
@@ -41,7 +41,7 @@ function(add_file name text)
   file(ARCHIVE_CREATE OUTPUT ${OUT}/${name}.gz PATHS ${OUT}/${name} FORMAT raw COMPRESSION GZip COMPRESSION_LEVEL 9)
 endfunction()
 
-# `name`.`suffix` becomes name.HASH.suffix, in the page too.
+# Renames `name`.`suffix` to name.HASH.suffix, in the page too.
 function(add_named name suffix text)
   string(SHA256 hash "${text}")
   string(SUBSTRING ${hash} 0 12 hash)

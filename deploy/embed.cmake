@@ -1,5 +1,5 @@
-# Turns FILES into one C file: const struct tc_embedded_file SYMBOL[] = {{name, bytes, size}, ...,{0}}.
-# The struct is declared in the generated file and, identically, in renderer/base/embedded.h.
+# Turns FILES into one C file: const struct tc_embedded_file SYMBOL[] = {{name, bytes, size}, ...,{0}}. The struct is
+# declared in renderer/base/embedded.h, which the generated file includes.
 set(text "/* generated from ${SYMBOL}'s files; do not edit */\n#include \"renderer/base/embedded.h\"\n")
 set(table "")
 set(index 0)

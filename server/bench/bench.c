@@ -1,8 +1,8 @@
-/* tomocast bench: how fast a frame is made here, stage by stage, beside how far it is from the reference.
+/* tomocast bench: frame times on this machine, stage by stage, and errors against the reference.
  *
- * Every row of one volume renders the same scene with one kernel variant; frames of the variants are taken in turn, so
- * that a drift of the machine's speed falls on all alike. The error is over a random sample of the picture's rays,
- * integrated by the reference once per volume. */
+ * All rows of a volume render the same scene, each with one kernel variant; their frames take turns, so that drift of
+ * the machine's speed affects all alike. The error is over a random sample of the picture's rays, which the reference
+ * integrates once per volume. */
 #include <math.h>
 #include <stdio.h>
 #include <stdlib.h>
@@ -50,10 +50,10 @@ static const variant variants[] = {{"scalar", TC_BACKEND_CPU, "scalar", true},
 enum { N_VARIANTS = G_N_ELEMENTS(variants) };
 
 typedef struct row {
-  tc_renderer *renderer; /* NULL: not on this machine */
+  tc_renderer *renderer; /* NULL: not available on this machine */
   tc_frame frame;
   tc_explanation plan;
-  double tables_ms, skip_ms, encode_ms; /* first frame of a transfer function, median over its changes */
+  double tables_ms, skip_ms, encode_ms; /* first frame with a new transfer function; median over several */
   double ms[MAX_RUNS];
   double rms, max; /* against the reference, 0..1 */
 } row;
@@ -71,7 +71,7 @@ typedef struct bench {
   double cycles_per_ms; /* of the time stamp counter */
   tcs_edit edits[TCS_EDITS];
   tcs_stages stages;
-  row *edited; /* the last of the cpu's rows that skips, which edits and stages are of; NULL: no such scene */
+  row *edited; /* the last cpu row with skipping, for which edits and stages are measured; NULL: none */
   tcs_encoder *encoder;
   GByteArray *image;
 } bench;
@@ -97,8 +97,8 @@ static bool render(bench *b, row *r, const variant *v, bool want_linear, GError 
   return tc_render(r->renderer, b->volume, &b->scene, &request, &r->frame, error);
 }
 
-/* A new transfer function each time (its last knot moves by a hair): tables, leaping and encoding are measured
- * apart. */
+/* A slightly different transfer function each time (its last knot moves), to measure tables, skipping and encoding
+ * separately. */
 static bool measure_changes(bench *b, row *r, const variant *v, GError **error) {
   enum { CHANGES = 5 };
   double tables[CHANGES], skips[CHANGES], encodes[CHANGES];
@@ -174,7 +174,7 @@ static bool measure(bench *b, GError **error) {
                                    .threads = b->args.threads,
                                    .cache_bytes = (uint64_t)b->args.cache << 20};
     if (variants[i].backend == TC_BACKEND_GL && !b->args.gl) continue;
-    r->renderer = tc_renderer_new(&options, NULL); /* not on this machine: the row is left out */
+    r->renderer = tc_renderer_new(&options, NULL); /* not available on this machine: no row */
     if (!r->renderer) continue;
     if (!measure_changes(b, r, &variants[i], error) || !render(b, r, &variants[i], true, error)) return false;
     if (b->args.pixels) compare(b, r);
@@ -191,7 +191,7 @@ static bool measure(bench *b, GError **error) {
 
 /* ---- reporting ---- */
 
-/* Of all threads, at their best. */
+/* Clock cycles per sample, summed over the threads, of the shortest frame. */
 static double cycles_per_sample(const bench *b, const row *r) {
   const double samples = (double)r->frame.stats.samples;
   return samples > 0 ? r->ms[0] * b->cycles_per_ms * tc_renderer_about(r->renderer)->threads / samples : 0;
@@ -272,7 +272,7 @@ static void release(bench *b) {
   b->volume = NULL;
 }
 
-/* stdout is the JSON's where it is asked for there. */
+/* With the JSON on stdout nothing else is printed there. */
 static bool prints(const bench *b) { return !b->args.json || strcmp(b->args.json, "-") != 0; }
 
 static tcs_paper_run paper_run(const bench *b) {

@@ -10,7 +10,7 @@ static int ascending(const void *a, const void *b) {
   return (x > y) - (x < y);
 }
 
-/* The mean of the squares is a sample mean: its interval is the normal one, and the root's follows from it. */
+/* The mean square is a sample mean with a normal interval, from which the interval of its root follows. */
 static void set_rms(tcs_difference *d, double sum, double sum2) {
   double n = (double)d->pixels, mean = sum / n, variance = n > 1 ? fmax(0, (sum2 - sum * mean) / (n - 1)) : 0;
   double half = 1.96 * sqrt(variance / n);
@@ -56,7 +56,7 @@ static double lab_f(double t) {
 }
 
 void tcs_lab(const double srgb[3], double lab[3]) {
-  /* Rows sum to the white, so that white is L* = 100 and a* = b* = 0 to rounding. */
+  /* Rows sum to the white point, so that white is L* = 100 and a* = b* = 0 up to rounding. */
   static const double m[3][3] = {{0.4123907993, 0.3575843394, 0.1804807884},
                                  {0.2126390059, 0.7151686788, 0.0721923154},
                                  {0.0193308187, 0.1191947798, 0.9505321522}};
@@ -77,13 +77,13 @@ static double hue(double b, double a) {
   return h < 0 ? h + 360 : h;
 }
 
-/* G of the paper's equation 4: greys' a* is stretched so that chroma differences there count. */
+/* G of the paper's equation 4: stretches a* of near-grey colours, where chroma differences are more visible. */
 static double chroma_stretch(double mean_chroma) {
   double c7 = pow(mean_chroma, 7);
   return 1 + 0.5 * (1 - sqrt(c7 / (c7 + 6103515625.0 /* 25^7 */)));
 }
 
-/* The mean of two hues on the circle; of a grey's (no hue) the other's. */
+/* The circular mean of two hues; if one colour is grey (no hue), the other hue. */
 static double mean_hue(double h1, double h2, bool grey) {
   if (grey) return h1 + h2;
   if (fabs(h1 - h2) <= 180) return 0.5 * (h1 + h2);
@@ -121,7 +121,7 @@ static void shown(const float rgba[4], const tcs_look *look, double srgb[3]) {
 
 enum { WINDOW = 11 };
 
-/* Weighted mean over the window of f(a, b) = a^p * b^q at (x, y), by rows then columns. */
+/* Gaussian-weighted mean of f(a, b) = a^p * b^q in the window at (x, y); separable, rows then columns. */
 typedef struct moments {
   double a, b, aa, bb, ab;
 } moments;

@@ -4,7 +4,7 @@
 
 #include "server/bench/timing.h"
 
-enum { FRAMES = 12, FIRST = 5 }; /* the first ones find memory that later ones use again */
+enum { FRAMES = 12, FIRST = 5 }; /* the first frames allocate memory that later ones reuse */
 
 typedef void (*edit_knots)(tc_transfer_function *tf, int frame);
 

@@ -7,17 +7,17 @@
 #include "renderer/reference/reference.h"
 #include "server/cli/cli.h"
 
-#define TIE 1.05 /* where times differ by less, neither is the faster and the scene is not counted */
+#define TIE 1.05 /* ratio of times below which neither is faster and the scene does not count */
 
-/* A scene of every combination that a list names: shares of the fitted surface's way to the largest value, and views.
- */
+/* A scene for every combination of a threshold (share of the way from the fitted surface to the largest value) and a
+ * view. */
 static const double thresholds[] = {0, 0.2, 0.45};
 static const struct view {
   double azimuth, elevation, zoom;
   int size;
 } views[] = {{30, 20, 1.3, 512}, {200, 40, 3, 384}, {50, 30, 1.3, 256}, {80, 0, 1.3, 192}, {120, -10, 0.8, 96}};
 
-/* The least of several frames of each way, in turn, after one that builds. */
+/* The shortest of several frames per mode, taken in turn, after one that builds the resources. */
 static bool time_object(tcs_object *o, tc_renderer *renderer, tc_volume *volume, tc_scene *scene, int runs,
                         GError **error) {
   tc_frame frame = {0};
@@ -119,7 +119,7 @@ cJSON *tcs_object_json(const tcs_object *o, const tc_scene *scene) {
     if (errors) cJSON_AddItemToObject(errors, mode, difference_json(&o->off[m]));
   }
   cJSON_AddItemToObject(json, "terms", cJSON_CreateDoubleArray(o->cost.terms, TC_TERM_COUNT));
-  /* Of the two that draw voxels and rays; and of all three. */
+  /* Among the two that draw voxels and rays; and among all three. */
   cJSON_AddBoolToObject(json, "named", fastest(o->ms, 2) == fastest(o->cost.ms, 2));
   cJSON_AddBoolToObject(json, "namedOfThree", fastest(o->ms, 3) == fastest(o->cost.ms, 3));
   return json;
@@ -139,7 +139,7 @@ static void print_object(const char *name, const cJSON *json) {
   fflush(stdout);
 }
 
-/* The entry of one view; NULL with *error. */
+/* Measures one view. NULL with *error. */
 static cJSON *take_view(int runs, tc_renderer *renderer, tc_volume *volume, double share, const struct view *v,
                         GError **error) {
   tc_scene scene;

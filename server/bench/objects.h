@@ -1,5 +1,5 @@
-/* tomocast bench --objects: a volume's objects drawn as splats, as ray-cast isosurfaces and as meshes, beside what the
- * plan expects (plan/object_cost.h): how often it names the faster. */
+/* tomocast bench --objects: objects of a volume drawn as splats, ray-cast isosurfaces and meshes, with the plan's
+ * estimates (plan/object_cost.h), and how often the plan names the fastest. */
 #ifndef TCS_BENCH_OBJECTS_H
 #define TCS_BENCH_OBJECTS_H
 
@@ -9,17 +9,17 @@
 #include "renderer/tomocast.h"
 #include "server/bench/difference.h"
 
-/* An opaque object of a threshold, drawn in each mode that can. */
+/* An opaque object above a threshold, drawn in each mode that can draw it. */
 typedef struct tcs_object {
-  double ms[TC_OBJECT_MODES];          /* the least of its frames */
-  tc_object_cost cost;                 /* what the plan expects */
-  tcs_difference off[TC_OBJECT_MODES]; /* from the exact surface of the threshold; no pixels: not compared */
+  double ms[TC_OBJECT_MODES];          /* shortest frame */
+  tc_object_cost cost;                 /* the plan's estimate */
+  tcs_difference off[TC_OBJECT_MODES]; /* difference from the exact surface; no pixels: not compared */
 } tcs_object;
 
-/* The object of a threshold that lies this share of the way from the fitted surface to the largest values, lit, in mode
- * splat. tc_scene_clear() it. */
+/* A lit scene in mode splat of the object whose threshold lies this share of the way from the fitted surface to the
+ * largest values. Caller calls tc_scene_clear(). */
 void tcs_object_scene(const tc_volume *volume, double share, int size, tc_scene *scene);
-/* Frames of scene->image, `runs` of each mode in turn, after one that builds. */
+/* Renders `runs` frames of scene->image in each mode, in turn, after one that builds the resources. */
 bool tcs_object_measure(tc_renderer *renderer, tc_volume *volume, const tc_scene *scene, int runs, tcs_object *object,
                         GError **error);
 /* Compares pictures of side x side pixels with the reference integrator's isosurface. */
@@ -29,14 +29,14 @@ bool tcs_object_judge(tc_renderer *renderer, tc_volume *volume, const tc_scene *
 cJSON *tcs_object_json(const tcs_object *object, const tc_scene *scene);
 
 typedef struct tcs_objects_run {
-  int runs, threads; /* timed frames of each way; 0: one a core */
+  int runs, threads; /* timed frames per mode; threads: 0 = one per core */
   bool print;
   const char *isa; /* NULL: the fastest */
 } tcs_objects_run;
 
-/* Adds a volume's scenes, of three thresholds, zooms and sizes, to the report. */
+/* Adds a volume's scenes (several thresholds, zooms and sizes) to the report. */
 bool tcs_objects_volume(const tcs_objects_run *run, tc_volume *volume, const char *name, cJSON *report, GError **error);
-/* After the last: how many were named rightly. */
+/* After the last volume: prints how often the plan named the fastest. */
 void tcs_objects_end(const tcs_objects_run *run, const cJSON *report);
 
 #endif

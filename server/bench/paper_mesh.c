@@ -11,7 +11,7 @@
 static const struct way {
   const char *name, *isa;
   tc_backend backend;
-  int threads; /* 0: the run's */
+  int threads; /* 0: those of the run */
   tc_mode mode;
   bool forward;
 } ways[] = {{"scalar, 1 thread", "scalar", TC_BACKEND_CPU, 1, TC_MODE_MESH},
@@ -23,7 +23,7 @@ static const struct way {
             {"gl", NULL, TC_BACKEND_GL, 0, TC_MODE_MESH}};
 enum { WAYS = G_N_ELEMENTS(ways) };
 
-/* The paper's grid about the middle of a volume: as wide as it is, and at most as high. */
+/* The paper's grid, centred in the volume: the volume's width, and at most its height. */
 static tc_volume *resample(const tc_volume *from, GError **error) {
   static const int dims[3] = {512, 512, 106};
   const tc_volume_desc *d = tc_volume_describe(from);
@@ -52,15 +52,15 @@ static tc_volume *resample(const tc_volume *from, GError **error) {
 }
 
 typedef struct drawn {
-  double extract_ms[2];   /* with one thread, with all */
+  double extract_ms[2]; /* with one thread, with all threads */
   size_t triangles;
-  double ms[WAYS];        /* NaN where there is no such machine */
-  double build_ms;        /* of mesh and clusters */
-  uint64_t covered, seen; /* pixels: by all triangles that face the eye, one by one; by the nearest of them */
+  double ms[WAYS];        /* NaN: not available on this machine */
+  double build_ms;        /* building mesh and clusters */
+  uint64_t covered, seen; /* pixels covered by all front-facing triangles, counted separately; visible pixels */
   uint64_t shaded_forward;
 } drawn;
 
-/* The least time of several extractions: with one thread, or all. */
+/* The shortest of several extractions, with one thread or all. */
 static bool extract(const tcs_paper_run *run, const tc_volume *volume, double iso, bool all, drawn *d, GError **error) {
   tc_pool *pool = tc_pool_new(all ? run->threads : 1, error);
   const tc_mesh_options options = {.normals = true, .pool = pool};
@@ -86,7 +86,7 @@ static void take_in(drawn *d, const struct way *way, const tc_frame_stats *stats
   }
 }
 
-/* The least times of frames, all ways in turn. */
+/* The shortest frame of each way, taken in turn. */
 static bool draw(const tcs_paper_run *run, tc_volume *volume, tc_scene *scene, drawn *d, GError **error) {
   tc_renderer *renderers[WAYS] = {0};
   tc_frame frame = {0};

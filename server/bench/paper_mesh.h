@@ -1,5 +1,6 @@
-/* tomocast bench --paper 003: its case, 106 slices of 512x512 voxels 2 mm apart, sampled from a volume: extraction and
- * frames of mode mesh by instruction set, threads and back end, beside the ray-cast isosurface of the same scene. */
+/* tomocast bench --paper 003: the paper's case of 106 slices of 512x512 voxels 2 mm apart, resampled from a volume.
+ * Extraction and frames of mode mesh by instruction set, threads and back end, compared with the ray-cast isosurface of
+ * the same scene. */
 #ifndef TCS_BENCH_PAPER_MESH_H
 #define TCS_BENCH_PAPER_MESH_H
 

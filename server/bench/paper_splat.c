@@ -11,25 +11,23 @@
 #include "renderer/splat/vmd.h"
 #include "server/cli/cli.h"
 
-/* Bytes of a record for each voxel of the grid ("standard way") and of a .vmd; milliseconds without and with culling.
- */
+/* Bytes of a full grid ("standard way") and of a .vmd; milliseconds without and with culling. */
 static const struct published {
   const char *object;
   double standard, vmd, unculled, culled;
 } published[] = {
     {"chest", 8411000, 382318, 8.4, 1.9}, {"tibia", 72457, 36220, 3.4, 1.1}, {"skull", 122600, 56487, 4.1, 1.3}};
 
-static const double azimuths[] = {0, 60, 120, 180, 240, 300}; /* Table 2 is of means */
+static const double azimuths[] = {0, 60, 120, 180, 240, 300}; /* Table 2 gives means */
 
-/* Bytes of an object kept in different ways, of a byte for each voxel, as an index into a palette is. */
+/* Bytes of an object in several representations, with one byte per voxel (like a palette index). */
 typedef struct sizes {
-  double grid, box, grid_gzip,
-      nrrd; /* a byte for each voxel: of the volume, of the object's bounding box; compressed */
-  double vmd, vmd_gzip, memory, shell; /* shell: in memory, without voxels nobody sees */
+  double grid, box, grid_gzip, nrrd;   /* one byte per voxel of the volume; of the bounding box; compressed */
+  double vmd, vmd_gzip, memory, shell; /* shell: in memory, without invisible voxels */
   double voxels;
 } sizes;
 
-/* The object as a grid of ones; its bounding box. */
+/* The object as a grid of ones, and the size of its bounding box. */
 static uint8_t *grid_of(const tc_vmd *m, size_t *bytes, double *box) {
   const int *n = m->head.grid.dims;
   int z0 = n[2], z1 = 0;
@@ -46,7 +44,7 @@ static uint8_t *grid_of(const tc_vmd *m, size_t *bytes, double *box) {
   return grid;
 }
 
-/* Bytes of the grid as a compressed NRRD file; 0 with *error. */
+/* Size of the grid as a compressed NRRD file; 0 with *error. */
 static double nrrd_bytes(const tc_vmd *m, const uint8_t *grid, size_t bytes, GError **error) {
   char *folder = g_dir_make_tmp("tomocast-XXXXXX", error),
        *path = folder ? g_build_filename(folder, "grid.nrrd", NULL) : NULL;
@@ -97,8 +95,8 @@ static bool measure_sizes(const tc_vmd *m, sizes *s, GError **error) {
   return good;
 }
 
-/* Mean over views of the least of several frames, all ways in turn: without and with culling, and ray-cast; and splats
- * put down (samples). The first two's ratio is what culling can gain at most, where a splat costs the same. */
+/* Means over the views of the shortest frame without culling, with culling and ray-cast, taken in turn; and of the
+ * splats (or samples) drawn. The ratio of the first two bounds the gain of culling if every splat costs the same. */
 static bool measure_times(const tcs_paper_run *run, tc_volume *volume, const tc_scene *from, double ms[3],
                           double samples[3], GError **error) {
   const tc_renderer_options options = {.backend = TC_BACKEND_CPU, .threads = run->threads, .cache_bytes = 2u << 30};

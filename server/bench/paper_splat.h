@@ -1,5 +1,5 @@
-/* tomocast bench --paper 004: its tables 1 and 2, the sizes of voxel models and the gain of culling, of volumes'
- * objects (values from the scene's splat.threshold on) beside the published. */
+/* tomocast bench --paper 004: its tables 1 and 2 (sizes of voxel models, gain of culling) for objects of volumes
+ * (values from the scene's splat.threshold on), with the published figures. */
 #ifndef TCS_BENCH_PAPER_SPLAT_H
 #define TCS_BENCH_PAPER_SPLAT_H
 

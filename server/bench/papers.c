@@ -17,7 +17,7 @@ typedef struct published {
 typedef struct column {
   int table;
   const char *name; /* in JSON */
-  const char *head; /* in the text; NULL: shares the column before, behind a slash */
+  const char *head; /* in the text; NULL: appended to the previous column after a slash */
   tc_classification classification;
   tc_compositing_order order;
   bool coherence, terminate, leap;
@@ -99,7 +99,7 @@ static void print_line(const paper *p, const char *volume, const char *dims, con
     printf(paired ? " %13s" : " %8s", text);
     i += paired;
   }
-  if (p->columns == columns_001) { /* the paper's gain: leaping over early termination alone */
+  if (p->columns == columns_001) { /* the paper's gain: empty-space skipping in addition to early termination */
     double early = g_ascii_strtod(cells[1], NULL), leaping = g_ascii_strtod(cells[2], NULL);
     if (early > 0 && leaping > 0)
       printf(" %+7.1f %%", 100 * (leaping / early - 1));
@@ -141,10 +141,10 @@ void tcs_paper_begin(const tcs_paper_run *run, cJSON *report) {
 typedef struct cell {
   tc_scene scene;
   double *ms;
-  char *why; /* not measured, because */
+  char *why; /* reason why it was not measured */
 } cell;
 
-/* The step with which the longest ray there may be has PAPER_STEPS segments; the plan knows how rays share a step. */
+/* The step at which the longest possible ray has PAPER_STEPS segments; the plan knows how rays share a step. */
 static double paper_step(const tc_volume *volume, const tc_scene *scene) {
   double lo[3], hi[3], a[3], b[3], diagonal = 0;
   tc_plan plan;
@@ -172,7 +172,7 @@ static void make_cell(cell *c, const paper *p, const column *how, const tc_volum
   s->sampling.step = paper_step(volume, s);
 }
 
-/* Round -1 builds what later frames find ready. */
+/* Round -1 builds the resources and is not counted. */
 static bool measure(tc_renderer *r, tc_volume *volume, cell *cells, int count, int runs, GError **error) {
   tc_frame frame = {0};
   bool good = true;
@@ -222,7 +222,7 @@ static void take(const tcs_paper_run *run, const tc_volume *volume, const char *
     cJSON_AddNumberToObject(one, "table", p->columns[i].table);
     cJSON_AddStringToObject(one, "name", p->columns[i].name);
     cJSON_AddNumberToObject(one, "step", cells[i].scene.sampling.step);
-    cJSON_AddNumberToObject(one, "ms", cells[i].why ? NAN : ms); /* null where there is none */
+    cJSON_AddNumberToObject(one, "ms", cells[i].why ? NAN : ms); /* null if not measured */
     cJSON_AddNumberToObject(one, "framesPerSecond", cells[i].why ? NAN : 1000 / ms);
     if (cells[i].why) cJSON_AddStringToObject(one, "why", cells[i].why);
     cJSON_AddItemToArray(list, one);

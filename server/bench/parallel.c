@@ -21,7 +21,7 @@ void tcs_parallel(int threads, int count, void (*task)(void *context, int index)
   GPtrArray *helpers = g_ptr_array_new();
   while ((int)helpers->len < MIN(threads, count) - 1) {
     GThread *helper = g_thread_try_new("parallel", run, &l, NULL);
-    if (!helper) break; /* the others do its share */
+    if (!helper) break; /* the other threads do its share */
     g_ptr_array_add(helpers, helper);
   }
   run(&l);

@@ -1,8 +1,8 @@
 /* tomocast report: error against run time, over scenes and settings (NUMERICS section 6).
  *
- * Results are appended to DIR/results.jsonl as they come, each under a key of everything it depends on: volume, scene,
- * sizes, threads, program, setting. What is there already is not measured again, so a run that was interrupted goes on.
- */
+ * Results are appended to DIR/results.jsonl as they are measured, each with a key of everything it depends on: volume,
+ * scene, sizes, threads, program, setting. Known results are not measured again, so that an interrupted run can
+ * continue. */
 #include <errno.h>
 #include <math.h>
 #include <signal.h>
@@ -20,11 +20,11 @@ enum { BATCH = 8 };
 
 typedef struct report {
   char *volume, *document, *output, **rest;
-  char *program; /* what tells this build from others: rows of another are measured anew */
+  char *program; /* identifies the build: results of other builds are measured again */
   gboolean quick, no_gl;
   tcs_report_options options;
   tcs_report_bench *bench;
-  GHashTable *known; /* key -> tcs_report_row (owned), of this folder's earlier runs */
+  GHashTable *known; /* key -> tcs_report_row (owned), from earlier runs in this folder */
   GHashTable *sides; /* key of a scene -> side of its compared pictures */
   GHashTable *found; /* key of an object -> its entry (owned) */
   FILE *log;
@@ -62,7 +62,7 @@ static void end_progress(void) {
 
 static void remember(report *r, const char *line, size_t size) {
   tcs_report_row row;
-  cJSON *json = tcp_json_parse(line, size, NULL); /* a line torn by a kill is none */
+  cJSON *json = tcp_json_parse(line, size, NULL); /* a line cut off by a kill does not parse */
   const cJSON *key = cJSON_GetObjectItemCaseSensitive(json, "side of"),
               *side = cJSON_GetObjectItemCaseSensitive(json, "side"),
               *object = cJSON_GetObjectItemCaseSensitive(json, "object");
@@ -101,7 +101,7 @@ static bool open_log(report *r, GError **error) {
   return good;
 }
 
-/* Takes json. */
+/* Takes ownership of json. */
 static bool append(report *r, cJSON *json, GError **error) {
   char *line = cJSON_PrintUnformatted(json);
   bool good = fprintf(r->log, "%s\n", line) > 0 && fflush(r->log) == 0;
@@ -151,7 +151,7 @@ static void copy_name(const cJSON *scene, const char *name, char *to, size_t siz
   g_strlcpy(to, cJSON_GetObjectItemCaseSensitive(scene, name)->valuestring, size);
 }
 
-/* The row of a setting before it is measured. Names are those of the scene document. */
+/* The row of a setting before its measurement, with the names of the scene document. */
 static tcs_report_row blank_row(const tcs_report_scene *scene, const tcs_setting *s, const char *key) {
   tcs_report_row row = {.step = s->step,
                         .rays = s->rays,
@@ -179,7 +179,7 @@ static tcs_report_row blank_row(const tcs_report_scene *scene, const tcs_setting
 
 /* ---- scenes ---- */
 
-/* What is missing of settings, in batches, each behind the anchor: the scene's first plain setting. */
+/* Measures missing settings in batches, each headed by the anchor: the scene's first plain setting. */
 static bool measure_missing(report *r, const tcs_report_scene *scene, const GArray *settings, const GArray *blanks,
                             GError **error) {
   tcs_setting batch[BATCH + 1] = {
@@ -199,7 +199,7 @@ static bool measure_missing(report *r, const tcs_report_scene *scene, const GArr
     if (!tcs_report_measure(r->bench, batch, count + 1, rows, error)) return false;
     for (int k = 1; k <= count; k++) {
       if (rows[k].runs == 0)
-        continue; /* refused by the back end: asked again next time, so that the reason is said again */
+        continue; /* refused by the back end: retried next time, so that the reason is reported again */
       g_hash_table_replace(r->known, g_strdup(rows[k].key), g_memdup2(&rows[k], sizeof rows[k]));
       if (!append(r, tcs_report_row_write(&rows[k]), error)) return false;
     }
@@ -225,13 +225,13 @@ static cJSON *scene_json(const tcs_report_scene *scene, const char *fingerprint,
   return json;
 }
 
-/* Results of this scene, known or new, into r->rows, whether or not all could be measured. */
+/* Adds the scene's results, known or new, to r->rows, even if some could not be measured. */
 static void take_rows(report *r, const GArray *blanks, cJSON *json) {
   guint before = r->rows->len;
   for (guint i = 0; i < blanks->len; i++) {
     const tcs_report_row *row = g_hash_table_lookup(r->known, g_array_index(blanks, tcs_report_row, i).key);
     if (!row) continue;
-    tcs_report_row mine = *row; /* the same measurement may be known under another scene's name */
+    tcs_report_row mine = *row; /* the measurement may be known under another scene's name */
     g_strlcpy(mine.scene, g_array_index(blanks, tcs_report_row, i).scene, sizeof mine.scene);
     g_array_append_val(r->rows, mine);
   }
@@ -272,7 +272,7 @@ static bool report_scene(report *r, tcs_report_scene *scene, GError **error) {
 
 /* ---- objects ---- */
 
-/* An object's entry, known or new; NULL where the renderer refuses it, which is said. */
+/* An object's entry, known or new; NULL if the renderer refuses it, which is reported. */
 static const cJSON *object_entry(report *r, const tcs_report_scene *object, GError **error) {
   char *fingerprint, *key = scene_key(r, object, &fingerprint);
   const cJSON *known = g_hash_table_lookup(r->found, key);
@@ -367,7 +367,7 @@ static bool write_reports(report *r, bool complete, GError **error) {
   for (guint i = 0; i < r->rows->len; i++)
     cJSON_AddItemToArray(results, tcs_report_row_write(&g_array_index(r->rows, tcs_report_row, i)));
   char *text = cJSON_Print(json), *compact = cJSON_PrintUnformatted(json);
-  r->scenes = r->objects = r->left_out = NULL; /* json's now */
+  r->scenes = r->objects = r->left_out = NULL; /* owned by json now */
   bool good = write_file(r, "report.json", g_strdup(text), error);
   good = write_file(r, "report.csv", tcs_report_csv(r->rows), good ? error : NULL) && good;
   good = write_file(r, "report.html", tcs_report_page(compact), good ? error : NULL) && good;
@@ -436,7 +436,7 @@ static bool parse(report *r, int argc, char **argv, GError **error) {
 }
 
 static bool run(report *r, GError **error) {
-  const struct sigaction act = {.sa_handler = on_signal, .sa_flags = (int)SA_RESETHAND}; /* a second one ends at once */
+  const struct sigaction act = {.sa_handler = on_signal, .sa_flags = (int)SA_RESETHAND}; /* a second signal kills */
   sigaction(SIGINT, &act, NULL);
   sigaction(SIGTERM, &act, NULL);
   r->start_ms = tcs_now_ms();

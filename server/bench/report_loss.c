@@ -1,16 +1,16 @@
-/* Why errors fall more slowly than the orders that hold for smooth scenes, said from what was measured. */
+/* Explains from the measurements why errors fall more slowly than the orders that hold for smooth scenes. */
 #include <math.h>
 #include <string.h>
 
 #include "server/bench/report.h"
 
-#define SHORT 0.15   /* of the expected order, before words are due */
-#define STALLED 0.75 /* the finest octave leaves more of the error than this: a floor */
-#define LESS 0.7     /* another row counts as better under this share of the error */
-#define RISING 0.1   /* an octave is of so much higher order than the one before */
-#define SINGLE 1e-5  /* rms that sums in single precision can make */
-#define DEEP 2       /* optical depth of a step that is beyond all orders */
-#define DIFFER 0.15  /* orders of the cpu and gl, before both are told of */
+#define SHORT 0.15   /* shortfall of the order that needs an explanation */
+#define STALLED 0.75 /* if the finest octave keeps more of the error than this, it is a floor */
+#define LESS 0.7     /* ratio of errors below which another row counts as better */
+#define RISING 0.1   /* increase of the order from one octave to the next that counts as rising */
+#define SINGLE 1e-5  /* rms that sums in single precision can cause */
+#define DEEP 2       /* optical depth of a step above which no order shows */
+#define DIFFER 0.15  /* difference between the orders of cpu and gl above which both are reported */
 
 static double extinction(const tc_transfer_function *tf, double amount) {
   return tf->kind == TC_KNOT_EXTINCTION ? amount : -log1p(-fmin(amount, 1 - 0x1p-24)) / tf->unit_distance_mm;
@@ -40,12 +40,12 @@ static double number_of(const cJSON *json, const char *name) {
   return cJSON_IsNumber(item) ? item->valuedouble : 0;
 }
 
-/* One classification on one back end, its errors by ascending step. */
+/* One classification on one back end, by ascending step. */
 typedef struct line {
   const tcs_report_row *at[TCS_REPORT_STEPS];
   int n;         /* all plain rows */
-  int low, high; /* those that make the slope: above single precision, within three octaves */
-  double slope;  /* NAN: too few */
+  int low, high; /* rows used for the slope: above single precision, within three octaves */
+  double slope;  /* NAN: too few rows */
 } line;
 
 static line line_of(const GArray *rows, const char *scene, const char *backend, const char *classification,
@@ -59,12 +59,12 @@ static line line_of(const GArray *rows, const char *scene, const char *backend, 
   return l;
 }
 
-/* The order of the octave, or more, above row i. */
+/* The order over the octave (or more) above row i. */
 static double order_above(const line *l, int i) {
   return log2(l->at[i + 1]->rms / l->at[i]->rms) / log2(l->at[i + 1]->step / l->at[i]->step);
 }
 
-/* The row that is `like` but for its table, which is the largest of those that have more entries; NULL: none. */
+/* The row equal to `like` except for its table, the largest with more entries; NULL: none. */
 static const tcs_report_row *larger_table(const GArray *rows, const tcs_report_row *like) {
   const tcs_report_row *best = NULL;
   for (guint i = 0; i < rows->len; i++) {
@@ -79,10 +79,10 @@ static const tcs_report_row *larger_table(const GArray *rows, const tcs_report_r
   return best;
 }
 
-/* Reads a table of segments, two values each; others one of a single value. */
+/* Whether the table is indexed by segments (two values) instead of single values. */
 static bool of_segments(const tcs_report_row *row) { return g_str_has_prefix(row->classification, "preintegrated"); }
 
-/* Whether it is the table that holds the finest steps up; says so, or what was tried. */
+/* Whether the table limits the finest steps: reports that, or which larger table did not help. */
 static bool say_table(GString *out, const GArray *rows, const line *l) {
   const tcs_report_row *finest = l->at[l->low], *own = NULL, *large = NULL;
   for (int i = l->low; i <= l->high && !large; i++) own = l->at[i], large = larger_table(rows, own);
@@ -109,14 +109,14 @@ static bool say_table(GString *out, const GArray *rows, const line *l) {
   return false;
 }
 
-/* The finest octave is of a higher order than all before it. */
+/* Whether the finest octave has a higher order than all others. */
 static bool rises(const line *l) {
   for (int i = l->low + 1; i < l->high; i++)
     if (order_above(l, l->low) < order_above(l, i) + RISING) return false;
   return true;
 }
 
-/* What holds one classification up, as a line. True: it is what is rough in the scene, which is said once for all. */
+/* Reports what limits one classification. True: the roughness of the scene, which is reported once for all. */
 static bool say_line(GString *out, const GArray *rows, const line *l, double depth) {
   const tcs_report_row *finest = l->at[l->low];
   const char *on = strcmp(l->at[0]->backend, "cpu") ? " on gl" : "";

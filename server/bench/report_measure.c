@@ -1,9 +1,9 @@
-/* Frames against the reference, and their time, in one run.
+/* Errors of frames against the reference, and their times, in one run.
  *
- * Errors are of a small whole picture: its rays are a regular sample of the picture plane, and a whole picture is what
- * structural similarity needs. Times are of a larger one, frames of a batch's settings taken in turn, so that a drift
- * of the machine's speed falls on all alike; the first of every batch is the same setting, the anchor, which shows
- * drift between batches. */
+ * Errors are measured on a small whole picture: its rays sample the picture plane regularly, and structural similarity
+ * needs a whole picture. Times are measured on a larger picture. The settings of a batch take turns, frame by frame, so
+ * that drift of the machine's speed affects all alike. The first setting of every batch is the same, the anchor, which
+ * shows the drift between batches. */
 #include <math.h>
 #include <stdlib.h>
 #include <string.h>
@@ -17,13 +17,13 @@
 enum { AREA_SIDE = 4, MOST_RUNS = 5, LEAST_SIDE = 24 };
 static const int sides[] = {LEAST_SIDE, 32, 48, 64, 96, 128, 192, 256};
 
-/* What one filter's field truly looks like. */
+/* The reference pictures of one filter. */
 typedef struct truth {
   bool asked;
   int side, n_area;
   int *area_pixels; /* [n_area] */
-  float *centres;   /* [side][side][4]; NULL: the reference does not know this filter */
-  float *areas;     /* [n_area][4], mean over the pixel */
+  float *centres;   /* [side][side][4]; NULL: the reference does not support this filter */
+  float *areas;     /* [n_area][4], mean over the pixel's area */
 } truth;
 
 struct tcs_report_bench {
@@ -31,9 +31,9 @@ struct tcs_report_bench {
   const tc_interrupt *stop;
   cJSON *left_out;
   tc_renderer *renderers[TC_BACKEND_COUNT];
-  tcs_report_scene *scene; /* the caller's, while it is measured */
-  tc_volume *volume;       /* its volume, held until it is forgotten */
-  int side;                /* of the usual filter's compared pictures; dearer references take smaller ones */
+  tcs_report_scene *scene; /* the caller's */
+  tc_volume *volume;       /* the scene's volume, referenced until the next scene */
+  int side;                /* of the linear filter's compared pictures; slower references use smaller ones */
   truth truths[TC_FILTER_COUNT];
   tc_frame small, large;
 };
@@ -44,7 +44,7 @@ static bool stopped(const tcs_report_bench *b, GError **error) {
   return true;
 }
 
-/* ---- life ---- */
+/* ---- life cycle ---- */
 
 tcs_report_bench *tcs_report_bench_new(const tcs_report_options *options, const tc_interrupt *stop, cJSON *left_out,
                                        GError **error) {
@@ -105,14 +105,14 @@ cJSON *tcs_report_bench_about(const tcs_report_bench *b) {
   return json;
 }
 
-/* ---- the truth ---- */
+/* ---- reference pictures ---- */
 
 static uint64_t next_random(uint64_t *state) {
   *state = *state * 6364136223846793005u + 1442695040888963407u;
   return *state >> 33;
 }
 
-/* The mean over a pixel's area by a 4 x 4 grid of rays. */
+/* The mean over a pixel's area, from a 4 x 4 grid of rays. */
 static void area_mean(const tc_reference *r, int x, int y, float mean[4]) {
   double sum[4] = {0}, rgba[4];
   for (int i = 0; i < AREA_SIDE * AREA_SIDE; i++) {
@@ -128,7 +128,7 @@ typedef struct truth_job {
   truth *truth;
 } truth_job;
 
-/* Rows of the picture, then pixels whose area is integrated. */
+/* Task i: a row of the picture, or beyond those a pixel whose area is integrated. */
 static void find_truth(void *data, int i) {
   truth_job *job = data;
   truth *t = job->truth;
@@ -154,8 +154,8 @@ static tc_reference *reference_of(tcs_report_bench *b, tc_filter filter, int sid
   return r;
 }
 
-/* The largest picture whose reference fits the time, from the time of a few of its rays. Half of it is for the areas.
- */
+/* The largest picture that the reference can integrate in its time, extrapolated from a few rays. Half of the time is
+ * for pixel areas. */
 static bool choose_side(tcs_report_bench *b, tc_filter filter, int most, int *side, GError **error) {
   enum { PROBES = 128 };
   double budget_ms = (b->options.quick ? 250 : 10000) * tc_renderer_about(b->renderers[TC_BACKEND_CPU])->threads;
@@ -184,7 +184,7 @@ static void lay_out(truth *t, int side) {
   for (int i = 0; i < t->n_area; i++) t->area_pixels[i] = (int)(next_random(&state) % (uint64_t)pixels);
 }
 
-/* NULL centres where the reference does not know the filter: said once. */
+/* centres are NULL if the reference does not support the filter, which is reported once. */
 static const truth *truth_of(tcs_report_bench *b, tc_filter filter) {
   truth *t = &b->truths[filter];
   if (t->asked) return t;
@@ -248,7 +248,7 @@ static bool judge(tcs_report_bench *b, const truth *t, tcs_report_row *row) {
   return good;
 }
 
-/* What the threshold itself changes, beside the same setting without it; the method's own error is in both. */
+/* The effect of early ray termination alone: the same setting without it has the same method error. */
 static bool judge_ending(tcs_report_bench *b, const tcs_setting *s, int side, tcs_report_row *row, GError **error) {
   if (s->termination == 0) return true;
   size_t pixels = (size_t)side * (size_t)side;
@@ -262,7 +262,7 @@ static bool judge_ending(tcs_report_bench *b, const tcs_setting *s, int side, tc
   return good;
 }
 
-/* The compared picture; it also builds what timed frames will find ready. */
+/* Renders the compared picture, which also builds the resources for the timed frames. */
 static bool compare_one(tcs_report_bench *b, const tcs_setting *s, tcs_report_row *row, GError **error) {
   tc_explanation plan;
   const truth *t = truth_of(b, s->filter);
@@ -286,7 +286,7 @@ static bool time_batch(tcs_report_bench *b, const tcs_setting *settings, int cou
   int runs = b->options.quick ? 3 : MOST_RUNS;
   double(*ms)[MOST_RUNS] = g_malloc0((size_t)count * sizeof *ms);
   bool good = true;
-  /* Round 0 warms caches and programs up and is not counted. */
+  /* Round 0 warms up caches and programs and is not counted. */
   for (int run = 0; run <= runs && good; run++)
     for (int i = 0; i < count && good; i++) {
       if (rows[i].runs == 0) continue;
@@ -300,7 +300,7 @@ static bool time_batch(tcs_report_bench *b, const tcs_setting *settings, int cou
     rows[i].runs = runs;
     rows[i].render_ms = ms[i][runs / 2];
     rows[i].render_ms_least = ms[i][0];
-    rows[i].anchor_ms = rows[0].render_ms_least; /* the least: another program's burst is no drift */
+    rows[i].anchor_ms = rows[0].render_ms_least; /* the shortest, since a burst of another program is not drift */
   }
   g_free(ms);
   return good;

@@ -1,4 +1,5 @@
-/* Objects of a threshold: how much of the grid one fills decides whether splats, rays or triangles draw it fastest. */
+/* Objects above a threshold: the share of the grid that an object fills decides whether splats, rays or triangles are
+ * fastest. */
 #include <math.h>
 #include <string.h>
 
@@ -6,15 +7,15 @@
 #include "server/bench/report.h"
 #include "server/bench/surfaces.h"
 
-/* Balls of one size at random places, ever more of them, from a few to a sponge. */
+/* Balls of one size at random places, from a few to so many that they form a sponge. */
 enum { SIDE = 128, REACH = 5 };
 static const int balls[] = {4, 32, 128, 512, 1500, 4000, 12000};
-static const int sides[] = {64, 128, 320};           /* smaller pictures of each */
-static const double shares[] = {0, 0.15, 0.3, 0.45}; /* thresholds of a user's volume */
+static const int sides[] = {64, 128, 320};           /* of the smaller pictures */
+static const double shares[] = {0, 0.15, 0.3, 0.45}; /* thresholds for a user's volume */
 
 int tcs_report_object_count(bool own) { return own ? G_N_ELEMENTS(shares) : G_N_ELEMENTS(balls); }
 
-/* Values fall linearly with the distance, 100 a voxel, and are 0 from REACH on. */
+/* Values fall linearly with the distance, by 100 per voxel, to 0 at REACH. */
 static void add_ball(int16_t *voxels, const double at[3]) {
   for (int z = (int)fmax(at[2] - REACH, 0); z <= fmin(at[2] + REACH, SIDE - 1); z++)
     for (int y = (int)fmax(at[1] - REACH, 0); y <= fmin(at[1] + REACH, SIDE - 1); y++)
@@ -74,7 +75,7 @@ static double filled(const tc_volume *volume, double from) {
   return inside / ((double)d->dims[0] * d->dims[1] * d->dims[2]);
 }
 
-/* The same in smaller pictures, where rays are fewer and splats as many. */
+/* The same in smaller pictures, which have fewer rays but as many splats. */
 static bool measure_sizes(tc_renderer *renderer, const tcs_report_scene *scene, int runs, cJSON *json, GError **error) {
   cJSON *sizes = cJSON_AddArrayToObject(json, "sizes");
   bool good = true;

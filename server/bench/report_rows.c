@@ -1,4 +1,4 @@
-/* One table of members makes JSON lines, their reader and the CSV. */
+/* One table of members drives the JSON writer, its reader and the CSV. */
 #include <math.h>
 #include <stddef.h>
 #include <string.h>

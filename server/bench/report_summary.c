@@ -1,4 +1,4 @@
-/* What the rows say: fronts, cheapest settings under a bound, observed orders. */
+/* Evaluation of the rows: Pareto fronts, cheapest settings within a bound, observed orders. */
 #include <math.h>
 #include <stdlib.h>
 #include <string.h>
@@ -34,7 +34,7 @@ void tcs_report_steady(GArray *rows, guint first) {
 
 static bool measured(const tcs_report_row *r, const char *scene) { return r->runs > 0 && !strcmp(r->scene, scene); }
 
-/* Another field is another truth: only the usual filter's rows compete. */
+/* Other filters have other reference pictures, so only rows of the linear filter compete. */
 static bool competes(const tcs_report_row *r, const char *scene) {
   return measured(r, scene) && !strcmp(r->filter, "linear") && isfinite(tcs_report_error(r));
 }
@@ -95,7 +95,7 @@ static void say_row(GString *out, const tcs_report_row *r) {
 char *tcs_report_conclusion(const GArray *rows, const char *scene) {
   const double bound = tcs_report_bounds[0];
   GString *out = g_string_new(NULL);
-  GArray *front = tcs_report_front(rows, scene); /* its last row has the least error */
+  GArray *front = tcs_report_front(rows, scene); /* the last row has the least error */
   int best = tcs_report_cheapest(rows, scene, bound, false);
   if (best >= 0) {
     const tcs_report_row *fastest = row_at(rows, (guint)best);

@@ -1,11 +1,11 @@
-/* Which settings are measured: asked of the scene's own choices and of the plan, so that what is built later joins by
- * itself. */
+/* Chooses the settings to measure from the scene's enums and the plan, so that new features are included automatically.
+ *  */
 #include <string.h>
 
 #include "server/bench/report.h"
 
 static const double full_steps[] = {4, 2, 1, 0.5, 0.25, 0.125}, quick_steps[] = {2, 1, 0.5, 0.25};
-static const double away_steps[] = {2, 1, 0.5}; /* where one other member is varied */
+static const double away_steps[] = {2, 1, 0.5}; /* steps at which one other member is varied */
 static const int full_rays[] = {1, 2, 4, 5, 8, 16}, quick_rays[] = {1};
 static const int full_tables[] = {64, 128, 256, 512, 1024, 2048}, quick_tables[] = {64, 256};
 static const double full_terminations[] = {1e-4, 1e-3, 1.0 / 255, 0.01, 0.02, 0.05};
@@ -39,7 +39,7 @@ void tcs_report_leave_out(cJSON *left_out, const char *what, const char *why) {
   cJSON_AddItemToArray(left_out, made);
 }
 
-/* Adds a setting that the plan accepts. */
+/* Adds the setting if the plan accepts it. */
 static void add(sweep *w, const tcs_setting *s) {
   tc_scene scene;
   GError *error = NULL;
@@ -59,7 +59,7 @@ static void add(sweep *w, const tcs_setting *s) {
   for (size_t i = 0; i < (w->quick ? G_N_ELEMENTS(quick_list) : G_N_ELEMENTS(full_list)); i++)
 #define PICK(i, quick_list, full_list) (w->quick ? quick_list[i] : full_list[i])
 
-/* One member away from the usual at a time. */
+/* Varies one member at a time. */
 static void vary(sweep *w, tcs_setting usual) {
   tcs_setting s = usual;
   for (int order = 0; order < TC_ORDER_COUNT; order++)
@@ -68,7 +68,7 @@ static void vary(sweep *w, tcs_setting usual) {
     if (filter != (int)usual.filter) s.filter = (tc_filter)filter, add(w, &s), s = usual;
   s.jitter = true, add(w, &s), s = usual;
   s.rays = 4;
-  if (w->quick) add(w, &s); /* else of the product */
+  if (w->quick) add(w, &s); /* otherwise already in the product of steps and rays */
   s.coherence = true, add(w, &s), s = usual;
   EACH(i, quick_terminations, full_terminations)
   s.termination = PICK(i, quick_terminations, full_terminations), add(w, &s), s = usual;
@@ -81,9 +81,9 @@ GArray *tcs_report_settings(const tcs_report_scene *scene, bool quick, bool gl, 
   for (int b = TC_BACKEND_CPU; b <= (gl ? TC_BACKEND_GL : TC_BACKEND_CPU); b++)
     for (int c = 0; c < TC_CLASSIFICATION_COUNT; c++) {
       tcs_setting s = {.backend = (tc_backend)b, .classification = (tc_classification)c};
-      if (quick && b == TC_BACKEND_GL && c != TC_PREINTEGRATED) continue; /* in software it takes half of the minute */
+      if (quick && b == TC_BACKEND_GL && c != TC_PREINTEGRATED) continue; /* in software gl takes half a minute */
       s.rays = 1;
-      if (quick && c == TC_PREINTEGRATED2) s.step = 4, add(w, &s); /* of order 3: finer ones soon leave nothing */
+      if (quick && c == TC_PREINTEGRATED2) s.step = 4, add(w, &s); /* of order 3: finer steps soon leave no error */
       EACH(i, quick_steps, full_steps)
       EACH(k, quick_rays, full_rays) {
         s.step = PICK(i, quick_steps, full_steps), s.rays = PICK(k, quick_rays, full_rays);
@@ -91,7 +91,7 @@ GArray *tcs_report_settings(const tcs_report_scene *scene, bool quick, bool gl, 
       }
       bool tables = c == TC_PREINTEGRATED || c == TC_PREINTEGRATED2;
       s.rays = 1;
-      if (b == TC_BACKEND_CPU && (tables || !quick)) { /* what of the finest step's error is the table's */
+      if (b == TC_BACKEND_CPU && (tables || !quick)) { /* the table's part of the error at the finest step */
         s.step = quick ? 0.25 : 0.125, s.table_size = quick ? 1024 : tables ? 2048 : 4096;
         add(w, &s);
         s.table_size = 0;

@@ -11,10 +11,10 @@ static const char *const names[TCS_STAGES] = {"set-up and resolve",     "travers
                                               "classify and composite", "shade",     "tables",
                                               "skip structure",         "encode"};
 
-/* Each takes what the one before does, and its own stage. nothing: a knot that shows nothing, so that samples are taken
- * and not looked up. */
+/* The scene with all stages up to this one. nothing: an invisible knot, so that samples are fetched but not classified.
+ *  */
 static tc_scene scene_up_to(tcs_stage stage, const tc_scene *scene, tc_knot nothing[1]) {
-  tc_scene s = *scene; /* borrows */
+  tc_scene s = *scene; /* borrows the lists of *scene */
   s.sampling.termination = 0;
   s.filter = stage == TCS_STAGE_TRAVERSAL ? TC_FILTER_NEAREST : TC_FILTER_LINEAR;
   if (stage < TCS_STAGE_SHADE)

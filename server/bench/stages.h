@@ -1,4 +1,4 @@
-/* Where a frame's time goes: differences between frames of the same rays, each of which does one thing more. */
+/* Time per stage of a frame: differences between frames of the same rays, each with one more stage. */
 #ifndef TC_SERVER_STAGES_H
 #define TC_SERVER_STAGES_H
 
@@ -19,15 +19,16 @@ typedef enum tcs_stage {
 } tcs_stage;
 
 typedef struct tcs_stages {
-  double ms[TCS_STAGES]; /* tables, skipping and encoding are the caller's */
-  double samples;        /* of the frames, without leaping and early termination */
+  double ms[TCS_STAGES]; /* tables, skipping and encoding are filled in by the caller */
+  double samples;        /* of the frames, without empty-space skipping and early termination */
 } tcs_stages;
 
-/* Frames of a scene of mode dvr in turns, each at its least: that show nothing (leapt over, then sampled by the nearest
- * voxel, then linearly), unlit, and lit. Traversal so holds the load of one voxel, fetch the rest of a sample. */
+/* Measures frames of a scene in mode dvr, in turn, the shortest of each: invisible (skipped; then sampled with the
+ * nearest filter; then with the linear filter), unlit, and lit. So traversal includes the load of one voxel, and fetch
+ * that of the rest of a sample. */
 bool tcs_stages_measure(tc_renderer *renderer, tc_volume *volume, const tc_scene *scene, tcs_stages *stages,
                         GError **error);
-/* cycles: of all threads a millisecond. */
+/* cycles: of all threads, per millisecond. */
 void tcs_stages_print(const tcs_stages *stages, double cycles);
 cJSON *tcs_stages_as_json(const tcs_stages *stages);
 

@@ -10,7 +10,9 @@
 #include "server/bench/timing.h"
 
 enum { LEVELS = 7 };
-static const double errors_voxels[LEVELS] = {0, 0.02, 0.05, 0.1, 0.25, 0.5, 1}; /* by quadrics, of the narrowest voxel */
+static const double errors_voxels[LEVELS] = {0,    0.02, 0.05, 0.1,
+                                             0.25, 0.5,  1}; /* of quadrics, over the least spacing
+                                                              *  */
 
 /* ---- errors ---- */
 
@@ -33,9 +35,9 @@ static void find_row(void *context, int y) {
   for (int x = 0; x < r->side; x++) tc_depths_exact(r->reference, r->scene, x, y, &r->pixels[y * r->side + x]);
 }
 
-/* The exact depths of the scene's isosurface, [side][side]; g_free() them. */
+/* The exact depths of the scene's isosurface, [side][side]; caller frees with g_free(). */
 static tc_depths *find_truth(tc_volume *volume, const tc_scene *scene, int side, int threads, GError **error) {
-  tc_scene own = *scene; /* borrows */
+  tc_scene own = *scene; /* borrows the lists of *scene */
   own.mode = TC_MODE_ISOSURFACE, own.sampling.rays_per_pixel = 1;
   tc_reference *reference = tc_reference_new(volume, &own, side, side, 0, error);
   if (!reference) return NULL;
@@ -55,7 +57,7 @@ static void compare(const measuring *m, const float *depth, tc_depth_error *off)
 
 /* ---- triangles ---- */
 
-/* The least time of several frames after one that builds, and how far a picture is off. */
+/* The shortest of several frames, after one that builds the resources, and the error of a picture. */
 static cJSON *measure(const measuring *m, const tc_scene *scene, tc_mesh *mesh, GError **error) {
   tc_mesh *const meshes[1] = {mesh};
   tc_render_request request = {.meshes = mesh ? meshes : NULL};
@@ -83,7 +85,7 @@ static cJSON *measure(const measuring *m, const tc_scene *scene, tc_mesh *mesh, 
   return json;
 }
 
-/* The mesh as the one surface of a list. */
+/* Draws the mesh as the only surface of a list. */
 static bool measure_mesh(const measuring *m, const tc_scene *scene, tc_mesh *mesh, double error_mm, cJSON *to,
                          GError **error) {
   tc_mesh_surface surface = {
@@ -106,7 +108,7 @@ typedef struct simplifying {
   GError *error[LEVELS];
 } simplifying;
 
-/* The coarsest first, since it takes longest. */
+/* The coarsest level first, since it takes longest. */
 static void simplify(void *context, int index) {
   simplifying *s = context;
   const int i = LEVELS - 1 - index;

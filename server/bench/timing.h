@@ -1,4 +1,4 @@
-/* What every measurement does with times. */
+/* Helpers for measured times. */
 #ifndef TC_SERVER_TIMING_H
 #define TC_SERVER_TIMING_H
 
@@ -14,7 +14,7 @@ static inline int tcs_compare_doubles(const void *a, const void *b) {
 
 static inline void tcs_sort(double *ms, size_t count) { qsort(ms, count, sizeof *ms, tcs_compare_doubles); }
 
-/* Sorts them. */
+/* Sorts the times. */
 static inline double tcs_median(double *ms, size_t count) {
   tcs_sort(ms, count);
   return count % 2 ? ms[count / 2] : 0.5 * (ms[count / 2 - 1] + ms[count / 2]);

@@ -70,14 +70,14 @@ static void draw_clip(test_case *c, uint64_t *s) {
   c->scene.clip.has_box = c->scene.clip.has_box && box;
   for (int k = 0; k < 3; k++) {
     double a = test_random(s), b = test_random(s);
-    c->scene.clip.box[0][k] = fmin(a, b), c->scene.clip.box[1][k] = fmax(a, b); /* shares of the volume's extent */
+    c->scene.clip.box[0][k] = fmin(a, b), c->scene.clip.box[1][k] = fmax(a, b); /* relative to the volume's extent */
   }
   for (int i = 0; i < c->scene.clip.n_planes; i++)
-    for (int k = 0; k < 4; k++) c->scene.clip.planes[i][k] = between(s, -1, 1); /* d: of the extent, from the centre */
+    for (int k = 0; k < 4; k++) c->scene.clip.planes[i][k] = between(s, -1, 1); /* d: relative, from the centre */
 }
 
-/* What a program is specialised on. Members that a number goes with (rays, termination, thickness, clip) only say: more
- * than none. */
+/* Draws the members on which programs are specialised. For members with a number (rays, termination, thickness, clip)
+ * only whether they are used; draw_scene() draws the number. */
 static void draw_style(test_case *c, uint64_t *s) {
   static const tc_mode modes[] = {TC_MODE_DVR, TC_MODE_DVR,   TC_MODE_DVR,     TC_MODE_DVR, TC_MODE_DVR,
                                   TC_MODE_MIP, TC_MODE_MINIP, TC_MODE_AVERAGE, TC_MODE_MPR, TC_MODE_ISOSURFACE};
@@ -108,7 +108,7 @@ static void draw_scene(tc_scene *scene, uint64_t *s) {
   static const int rays[] = {2, 3, 4, 5, 8, 16};
   scene->image.width = chance(s, 0.1) ? 1 : 1 + pick(s, 13);
   scene->image.height = chance(s, 0.1) ? 1 : 1 + pick(s, 11);
-  scene->window.center = test_random(s), scene->window.width = decades(s, -6, 2); /* of the value range */
+  scene->window.center = test_random(s), scene->window.width = decades(s, -6, 2); /* relative to the value range */
   scene->sampling.step = decades(s, -2, 2);
   if (scene->sampling.rays_per_pixel > 1) scene->sampling.rays_per_pixel = rays[pick(s, G_N_ELEMENTS(rays))];
   if (scene->sampling.termination > 0) scene->sampling.termination = decades(s, -4, -0.3);
@@ -117,7 +117,7 @@ static void draw_scene(tc_scene *scene, uint64_t *s) {
   for (int k = 0; k < 3; k++) scene->shading.light[k] = between(s, -1, 1);
   scene->shading.ambient = test_random(s), scene->shading.diffuse = test_random(s);
   scene->shading.specular = test_random(s), scene->shading.shininess = between(s, 0, 100);
-  scene->isosurface.value = test_random(s); /* of the value range */
+  scene->isosurface.value = test_random(s); /* relative to the value range */
   for (int c = 0; c < 3; c++) scene->isosurface.color[c] = test_random(s);
   scene->mpr.orientation = (tc_mpr_orientation)pick(s, TC_MPR_ORIENTATION_COUNT);
   for (int k = 0; k < 3; k++) scene->mpr.normal[k] = between(s, -1, 1), scene->mpr.up[k] = between(s, -1, 1);
@@ -211,7 +211,7 @@ static int by_value(const void *a, const void *b) {
   return (x > y) - (x < y);
 }
 
-/* The renderers see the completed scene; *c keeps shares, so that it may be completed again over another volume. */
+/* The completed scene for the renderers; *c keeps relative values, so that it can be completed for another volume. */
 static struct {
   tc_knot knots[TC_MAX_KNOTS];
   tc_scene shares;
@@ -286,7 +286,7 @@ static void complete_scene(test_case *c, const tc_volume *volume) {
   }
   place_eye(c, lo, hi, volume);
   if (c->fine) return;
-  /* At most some thousand samples a pixel, fewer of those that fetch 64 voxels. */
+  /* At most some thousand samples per pixel, fewer for the cubic filter, which fetches 64 voxels. */
   double least = fmin(c->spacing[0], fmin(c->spacing[1], c->spacing[2])), diagonal = 0;
   for (int k = 0; k < 3; k++) diagonal += c->dims[k] * c->spacing[k];
   double most = (scene->filter == TC_FILTER_CUBIC ? 600 : 3000) / (1 + 0.2 * scene->sampling.rays_per_pixel);
@@ -354,7 +354,7 @@ tc_volume *test_case_labels(const test_case *c, const tc_volume *volume) {
   return labels;
 }
 
-/* The default of the member that a pointer names. */
+/* Restores the default of the member at a JSON pointer. */
 static bool reset_member(tc_scene *s, const char *pointer) {
   if (!strcmp(pointer, "/classification")) s->classification = TC_PREINTEGRATED;
   else if (!strcmp(pointer, "/order")) s->order = TC_FRONT_TO_BACK;
@@ -395,7 +395,7 @@ bool test_case_fit(test_case *c, char **refusal) {
 
 enum { STEP_COUNT = 38 };
 
-/* One way of making a case simpler; changing nothing means that it does not apply. */
+/* Applies one simplification; an unchanged case means it does not apply. */
 static void simplify(test_case *c, int step) {
   tc_scene *s = &c->scene;
   int k = step % 3;

@@ -1,4 +1,4 @@
-/* Whether a helper has locked itself in when it reads. */
+/* Checks that a helper process is sandboxed when it reads. */
 #ifndef TC_TESTS_CONFINED_H
 #define TC_TESTS_CONFINED_H
 
@@ -12,7 +12,7 @@
 
 #include "renderer/import/wire.h"
 
-/* A field of /proc/PID/status as a number; -1 when it is not there. */
+/* A numeric field of /proc/PID/status; -1 if absent. */
 static inline int status_field(pid_t pid, const char *field) {
   char path[64], *text = NULL;
   int value = -1;
@@ -23,7 +23,7 @@ static inline int status_field(pid_t pid, const char *field) {
   return value;
 }
 
-/* Started by hand, with nobody who takes the voxels, a helper stands still in the middle of its answer: locked in. */
+/* Starts a helper directly and does not read the voxels, so that it blocks in the middle of its reply, sandboxed. */
 static inline void is_confined(const char *name, const char *path) {
   int ends[2], input = open(path, O_RDONLY), ring = memfd_create("ring", 0);
   char *helper = g_build_filename(TC_BINARY_DIR, name, NULL);
@@ -50,11 +50,11 @@ static inline void is_confined(const char *name, const char *path) {
   close(ends[1]);
   close(input);
   close(ring);
-  assert_int_equal(seccomp, 2); /* a filter */
+  assert_int_equal(seccomp, 2); /* filter mode */
   assert_int_equal(privileges, 1);
   assert_int_equal(tasks, 1);
-  assert_int_equal(capabilities, 0);    /* also where the test is run by root */
-  assert_string_equal(score, "1000\n"); /* first to go where memory ends */
+  assert_int_equal(capabilities, 0);    /* even if the test runs as root */
+  assert_string_equal(score, "1000\n"); /* first victim of the OOM killer */
   g_free(oom);
   g_free(score);
   g_free(helper);

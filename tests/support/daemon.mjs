@@ -1,4 +1,4 @@
-// A daemon of its own for a test file: spawned on an ephemeral port, talked to from outside only.
+// A daemon for one test file: started on an ephemeral port, used only from outside.
 import assert from 'node:assert/strict';
 import { spawn } from 'node:child_process';
 import { mkdtempSync, rmSync, writeFileSync } from 'node:fs';
@@ -28,8 +28,8 @@ export function ballNrrd(n = 32, header = '') {
 }
 
 /**
- * A daemon left running by a failed test keeps its file from ending. The hook runs before the file's own hooks, which
- * stop daemons in order; stop() takes them out of the set.
+ * A daemon left by a failed test keeps the test file running. The hook runs before the file's own hooks, which stop
+ * daemons normally; stop() removes them from the set.
  */
 const running = new Set();
 const endLeftovers = () => running.forEach((child) => child.kill('SIGKILL'));
@@ -123,7 +123,7 @@ export class Daemon {
   patch(path, json, options) { return this.call('PATCH', path, { json, type: 'application/merge-patch+json', ...options }); }
   delete(path) { return this.call('DELETE', path); }
 
-  /** A session on the ball that renders quickly. */
+  /** A session on the ball, quick to render. */
   async session(scene = {}) {
     const image = { width: 96, height: 64, ...scene.image };
     const { status, json } = await this.post('/v1/sessions', { volume: 'ball', scene: { ...scene, image } });
@@ -131,7 +131,7 @@ export class Daemon {
     return json;
   }
 
-  /** Bytes in, bytes out until the server closes or `quietMs` pass without any. */
+  /** Sends bytes and returns the bytes received until the server closes or is silent for `quietMs`. */
   raw(bytes, quietMs = 3000) {
     return new Promise((resolve) => {
       const socket = net.connect(this.port, '127.0.0.1', () => socket.write(bytes));
@@ -144,7 +144,7 @@ export class Daemon {
     });
   }
 
-  /** A number of GET /metrics. */
+  /** The value of a metric. */
   async metric(name) {
     const { bytes } = await this.get('/metrics');
     const line = bytes.toString().split('\n').find((text) => text.startsWith(`tomocast_${name} `));
@@ -152,7 +152,7 @@ export class Daemon {
     return Number(line.split(' ')[1]);
   }
 
-  /** Ends it and checks that it went in order. Sanitizer reports make the code differ from 0. */
+  /** Stops the daemon and checks for a clean exit. Sanitizer reports make the exit code nonzero. */
   async stop(signal = 'SIGTERM') {
     running.delete(this.process);
     if (!this.exit) this.process.kill(signal);
@@ -166,7 +166,7 @@ export class Daemon {
   }
 }
 
-/** Checks an RFC 9457 problem and gives it back. */
+/** Checks an RFC 9457 problem and returns it. */
 export function problem(reply, status, pointer) {
   assert.equal(reply.status, status, reply.bytes.toString());
   assert.match(reply.headers.get('content-type'), /^application\/problem\+json/);

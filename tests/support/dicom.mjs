@@ -1,4 +1,4 @@
-// DICOM files made by the tests themselves, nothing identifying.
+// DICOM files written by the tests, nothing identifying.
 /** One slice of side x side voxels of two bytes, uncompressed, at z mm. */
 export function dicomSlice(side, z = 0, { series = '1.2.3.5', number = 0, description = '', time = '' } = {}) {
   const element = (group, number, vr, value) => {

@@ -1,4 +1,4 @@
-/* Tiny DICOM files made by the tests themselves: explicit little-endian, one picture each, nothing identifying. */
+/* Tiny DICOM files written by the tests: explicit little-endian, one picture each, nothing identifying. */
 #ifndef TC_TESTS_DICOM_FILES_H
 #define TC_TESTS_DICOM_FILES_H
 
@@ -13,15 +13,15 @@
 
 #include "tests/support/folder.h"
 
-/* What a file says. Zero-initialise, then dicom_spec_init(). NULL texts are left out of the file. */
+/* Contents of a file. Zero-initialise, then call dicom_spec_init(). NULL texts are omitted. */
 typedef struct dicom_spec {
   const char *series, *modality, *frames, *photometric, *slope, *intercept, *between, *pixel_spacing, *orientation;
   const char *offsets; /* GridFrameOffsetVector */
   const char *uid, *image_type, *echo_time, *stack;
   const char *syntax, *dose; /* as in dicom_start_in(); DoseGridScaling */
-  int echo, time;      /* 0: left out */
-  uint32_t whole_columns; /* of the picture that frames are tiles of; 0: left out */
-  double b_value;      /* below 0: left out */
+  int echo, time;            /* 0: omitted */
+  uint32_t whole_columns;    /* of the picture whose tiles the frames are; 0: omitted */
+  double b_value;            /* below 0: omitted */
   bool has_position;
   double position[3];
   int instance, acquisition, series_number;
@@ -65,7 +65,7 @@ static inline void dicom_u32(GByteArray *b, uint32_t v) {
   dicom_u16(b, v >> 16);
 }
 
-/* One element with a value of any bytes; odd lengths are padded. */
+/* Appends an element with any bytes as its value; odd lengths are padded. */
 static inline void dicom_element(GByteArray *b, unsigned group, unsigned element, const char *vr, const void *value,
                                  size_t size) {
   bool wide = !strcmp(vr, "OB") || !strcmp(vr, "OW") || !strcmp(vr, "OF") || !strcmp(vr, "SQ") || !strcmp(vr, "UN");
@@ -98,7 +98,7 @@ static inline void dicom_count(GByteArray *b, unsigned group, unsigned element, 
   dicom_text(b, group, element, "IS", text);
 }
 
-/* `syntax`: the end of its UID, after "1.2.840.10008.1.2". */
+/* `syntax`: end of the transfer syntax UID, after "1.2.840.10008.1.2". */
 static inline GByteArray *dicom_start_in(const char *syntax) {
   GByteArray *b = g_byte_array_new();
   char uid[32];
@@ -120,7 +120,7 @@ static inline GByteArray *dicom_bytes(const dicom_spec *s) {
   dicom_text(b, 0x08, 0x08, "CS", s->image_type);
   dicom_text(b, 0x08, 0x18, "UI", s->uid);
   dicom_text(b, 0x08, 0x60, "CS", s->modality);
-  dicom_text(b, 0x10, 0x10, "PN", "SECRET^NAME"); /* must never come out of the helper */
+  dicom_text(b, 0x10, 0x10, "PN", "SECRET^NAME"); /* must never leave the helper */
   dicom_text(b, 0x18, 0x81, "DS", s->echo_time);
   if (s->echo) dicom_count(b, 0x18, 0x86, s->echo);
   if (s->between) dicom_text(b, 0x18, 0x88, "DS", s->between);
@@ -219,7 +219,7 @@ static inline void zip_add(zip_writer *z, const char *name, const void *data, si
   g_free(packed);
 }
 
-/* The whole zip; the writer is spent. Caller frees. */
+/* Finishes the zip; the writer cannot be used afterwards. Caller frees. */
 static inline GByteArray *zip_end(zip_writer *z) {
   uint32_t at = z->bytes->len, size = z->directory->len;
   g_byte_array_append(z->bytes, z->directory->data, size);

@@ -1,4 +1,4 @@
-/* A folder of a test's own, which goes away with what is in it. */
+/* A temporary folder for a test, removed with its contents. */
 #ifndef TC_TEST_FOLDER_H
 #define TC_TEST_FOLDER_H
 

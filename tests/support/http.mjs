@@ -1,8 +1,11 @@
-// HTTP over a bare socket: the bytes of requests as they are, replies taken apart.
+// HTTP over a bare socket: sends requests byte for byte and parses the replies.
 import assert from 'node:assert/strict';
 import net from 'node:net';
 
-/** The replies in `bytes`, each {status, headers, body}. `methods`: of the requests, for HEAD's replies have no body. */
+/**
+ * Parses the replies in `bytes`: each {status, headers, body}. `methods`: of the requests, since replies to HEAD have
+ * no body.
+ */
 export function replies(bytes, methods = []) {
   const found = [];
   for (let at = 0; at < bytes.length;) {

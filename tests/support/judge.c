@@ -43,7 +43,7 @@ static bool broken(const char *format, ...) {
 
 /* ---- one picture ---- */
 
-/* A case as it is drawn. */
+/* A case ready to draw. */
 typedef struct subject {
   tc_volume *volume, *labels;
   const tc_scene *scene;
@@ -57,21 +57,23 @@ static outcome draw(const char *name, tc_renderer *renderer, const subject *s, c
   const tc_render_request request = {.want_linear = true, .labels = s->labels, .table_size = s->table_size};
   if (tc_render(renderer, s->volume, scene, &request, frame, &error)) return DRAWN;
   broken("%s: %d %s: %s", name, error->code, tc_error_pointer(error), error->message);
-  bool refused = error->code == TC_ERROR_UNSUPPORTED; /* a back end may do less than the plan allows, but says so */
+  bool refused = error->code == TC_ERROR_UNSUPPORTED; /* a back end may support less than the plan, but must say so */
   g_clear_error(&error);
   return refused ? REFUSED : FAILED;
 }
 
 static size_t count_pixels(const tc_frame *f) { return (size_t)f->width * (size_t)f->height; }
 
-/* Colour and opacity are two sums in single precision: of up to 1024 segments in a table entry, of n along the ray. */
+/* Colour and opacity are separate sums in single precision: over up to 1024 segments in a table entry, over n samples
+ * along the ray. */
 static double samples_a_ray(const tc_frame *f) { return (double)f->stats.samples / fmax(1, (double)f->stats.rays); }
 static double slack_of(const tc_frame *f) { return 4e-6 + 2e-9 * samples_a_ray(f); }
 
-/* Both orders: 2e-6 for rays of some ten segments. Each further one is rounded in either sum, by 6e-8 at most. */
+/* Tolerance between the compositing orders: 2e-6 for some ten segments; each further segment is rounded once per sum,
+ * by 6e-8 at most. */
 static double order_slack_of(const tc_frame *f) { return 2e-6 + 1e-8 * samples_a_ray(f); }
 
-/* Of what is composited: a tint may be any colour, a highlight is white. */
+/* Brightest colour that can be composited: a label's tint may be any colour, a highlight is white. */
 static void find_brightest(const tc_scene *scene, double brightest[3]) {
   bool knots_alone = scene->mode == TC_MODE_DVR && scene->shading.model == TC_SHADING_NONE && !scene->labels.volume[0];
   for (int c = 0; c < 3; c++) {
@@ -98,7 +100,7 @@ bool test_judge_picture(int which, const tc_scene *scene, const tc_frame *f) {
   return true;
 }
 
-/* Bits where most is 0, else absolute differences. */
+/* Compares bits if most is 0, else absolute differences. */
 static bool check_same(const char *what, int which, const tc_frame *a, const tc_frame *b, double most) {
   for (size_t i = 0; i < 4 * count_pixels(a); i++)
     if (most > 0 ? !(fabs((double)a->linear[i] - (double)b->linear[i]) <= most)
@@ -110,20 +112,19 @@ static bool check_same(const char *what, int which, const tc_frame *a, const tc_
   return true;
 }
 
-/* Values interpolated between voxels are rounded to the last bits of the largest, and by up to four of them otherwise
- * where additions have another order: a picture that makes 255 greys of less than a thousand of them shows that, be it
- * for the voxels' span or for the window's. */
+/* Whether the picture shows rounding errors: interpolated values are exact to the last bits of the largest voxel, and
+ * differ by up to four of these where additions have another order. A picture that spreads less than a thousand such
+ * steps over 255 greys shows them, by the voxels' span or by the window. */
 static bool shows_last_bits(const test_case *c) {
   enum { LAST_BITS = 1024 };
   bool windowed = c->scene.mode != TC_MODE_DVR && c->scene.mode != TC_MODE_ISOSURFACE;
-  bool odd = c->pattern == TEST_ODD && c->type == TC_F32 && windowed; /* among them 1e30, as large as voxels may be */
+  bool odd = c->pattern == TEST_ODD && c->type == TC_F32 && windowed; /* includes 1e30, the largest value of a voxel */
   float largest = odd ? 1e30f : (float)fmax(fabs(c->lo), fabs(c->hi));
   double span = (c->hi - c->lo) * (windowed ? fmin(c->scene.window.width, 1) : 1);
   return span < LAST_BITS * (double)(nextafterf(largest, INFINITY) - largest);
 }
 
-/* The scene moved by a few of the last bits that single precision has of it: its view, and the values of its knots and
- * of its surface. */
+/* Moves the scene by a few last bits of single precision: the view, and the values of knots and surface. */
 static void move_by_a_hair(const test_case *c, int n, const subject *s, tc_scene *to, tc_knot *knots) {
   const tc_scene *from = s->scene;
   uint64_t state = 0x9e6c63d0876a9a47u * (uint64_t)(n + 1);
@@ -131,7 +132,7 @@ static void move_by_a_hair(const test_case *c, int n, const subject *s, tc_scene
   for (int i = 0; i < 4; i++) test_random(&state);
   for (int k = 0; k < 3; k++) {
     middle[k] = 0.5 * (c->dims[k] - 1);
-    extent = fmax(extent, c->dims[k] * c->spacing[k]); /* of a slice's picture, along either side */
+    extent = fmax(extent, c->dims[k] * c->spacing[k]); /* extent of a slice's picture, for both sides */
   }
   *to = *from;
   if (!from->mpr.has_center) tc_volume_index_to_lps(s->volume, middle, to->mpr.center);
@@ -154,9 +155,9 @@ static void move_by_a_hair(const test_case *c, int n, const subject *s, tc_scene
   }
 }
 
-/* How many pixels of a picture are none that the scalar renderer may show. A ray that meets the edge of a cell, a knot
- * or a surface to the last bits sees what rounding leaves: so does the scalar renderer, moved by a hair, which is how a
- * tie is told from a fault. */
+/* Number of pixels that differ from everything the scalar renderer may show. A ray that meets a cell's edge, a knot or
+ * a surface within the last bits depends on rounding. Moving the scene slightly changes the scalar renderer's picture
+ * there too, which distinguishes ties from faults. */
 static size_t count_faults(const test_case *c, const subject *s, const tc_frame *f) {
   enum { HAIRS = 40 };
   size_t floats = 4 * count_pixels(f), faults = 0;
@@ -207,7 +208,7 @@ static bool check_ties(int which, const test_case *c, const subject *s, const tc
 
 /* ---- one case on one renderer ---- */
 
-/* A picture of a scene that differs from the subject's in what may not show, within `most`. */
+/* Draws a variant of the scene that must give the same picture within `most`. */
 static bool check_variant(const char *what, int which, tc_renderer *on, const subject *s, const tc_scene *varied,
                           const tc_frame *usual, double most) {
   outcome drawn = draw(test_names[which], on, s, varied, &other);
@@ -274,7 +275,7 @@ bool test_judge(const test_case *c, unsigned on) {
   const subject s = {volume, labels, &completed.scene, c->table_size};
   bool ok = !(on & TEST_ON_REFERENCE) || check_reference(&s);
   EACH_RENDERER(i) {
-    /* the scalar one is drawn for the others to be compared with */
+    /* the scalar picture is always drawn, for comparison */
     if (!ok || (!(on >> i & 1) && i != SCALAR)) continue;
     tc_frame *frame = i == SCALAR ? &scalar : &plain;
     outcome drawn = draw(test_names[i], test_renderers[i], &s, s.scene, frame);

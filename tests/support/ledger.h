@@ -1,4 +1,4 @@
-/* A ledger with a bound, as a daemon's. */
+/* A memory ledger with a limit, like the daemon's. */
 #ifndef TC_TESTS_LEDGER_H
 #define TC_TESTS_LEDGER_H
 

@@ -1,8 +1,8 @@
-// A patient on a table, as small as can be.
+// A minimal patient on a table.
 const SIDE = 48;
 const within = (x, y, cx, cy, r) => (x - cx) ** 2 + (y - cy) ** 2 < r * r;
 
-/** A trunk of flesh with a bone in front, on a table, in Hounsfield units, as NRRD. */
+/** A trunk of soft tissue with a bone in front, on a table, in Hounsfield units, as NRRD. */
 export function patient(spacing) {
   const text =
     `NRRD0004\ntype: int16\ndimension: 3\nspace: left-posterior-superior\nsizes: ${SIDE} ${SIDE} ${SIDE}\n` +

@@ -1,4 +1,4 @@
-// The pixels of an 8-bit PNG without interlacing, for checks of what a picture shows.
+// Decodes an 8-bit PNG without interlacing, to check its pixels.
 import { inflateSync } from 'node:zlib';
 
 const CHANNELS = { 0: 1, 2: 3, 4: 2, 6: 4 };
@@ -17,7 +17,7 @@ function predict(filter, left, up, corner) {
   }
 }
 
-/** @returns {{width, height, at(x, y): number[]}} channels of a pixel, 0..255 */
+/** @returns {{width, height, at(x, y): number[]}} at: channels of a pixel, 0..255 */
 export function readPng(bytes) {
   const parts = [];
   let width, height, channels;

@@ -1,4 +1,4 @@
-/* Meshes and pictures of the rasteriser, for its tests. */
+/* Meshes and draw calls for tests of the rasteriser. */
 #ifndef TC_TEST_RASTER_H
 #define TC_TEST_RASTER_H
 
@@ -8,7 +8,7 @@
 #include "renderer/mesh/coverage.h"
 #include "renderer/mesh/raster.h"
 
-#define MOST 320 /* pixels a side */
+#define MOST 320 /* largest side in pixels */
 
 typedef struct picture {
   int width, height;
@@ -25,8 +25,8 @@ typedef struct drawing {
   int n_clip;
   tc_pool *pool;
   const tc_raster_surface *surfaces; /* NULL: one, opaque */
-  const float *channels;             /* of colored surfaces */
-  const tc_raster_look *looks;       /* two of them; NULL: one, with its light at the camera */
+  const float *channels;             /* for coloured surfaces */
+  const tc_raster_look *looks;       /* two looks; NULL: one, with a headlight */
   const tc_ledger *ledger;
 } drawing;
 
@@ -89,7 +89,7 @@ static inline double chance(void) {
   return (state >> 8) / 16777216.0;
 }
 
-/* A sheet of n x n crooked cells from (lo, lo) to (hi, hi); its inner vertices are multiples of `snap`. */
+/* A sheet of n x n irregular cells from (lo, lo) to (hi, hi); inner vertices are multiples of `snap`. */
 static inline tc_mesh *sheet(int n, double lo, double hi, double snap, double hills) {
   tc_mesh *m = tc_mesh_new((size_t)(n + 1) * (size_t)(n + 1), 2 * (size_t)n * (size_t)n, false, NULL);
   for (int j = 0, v = 0; j <= n; j++)
@@ -122,7 +122,7 @@ static inline void put_sphere(tc_mesh *m, int rings, size_t v, size_t t, double 
     }
   for (uint32_t j = 0; j < (uint32_t)rings; j++)
     for (uint32_t i = 0; i < around; i++, t += 2) {
-      const uint32_t next = (i + 1) % around, last = (uint32_t)rings - 1; /* a pole is one vertex */
+      const uint32_t next = (i + 1) % around, last = (uint32_t)rings - 1; /* a pole is a single vertex */
       uint32_t a = first + j * around + (j ? i : 0), b = first + j * around + (j ? next : 0);
       uint32_t c = first + (j + 1) * around + (j < last ? i : 0), d = first + (j + 1) * around + (j < last ? next : 0);
       const uint32_t two[2][3] = {{a, c, d}, {a, d, b}};

@@ -1,5 +1,5 @@
-/* Files read in this process, by the helper's own decoders, into a volume: what a helper process would cost thousands
- * of small tests, and what a fuzzer can look into. */
+/* Reads files in this process with the helper's decoders: faster than a helper process for thousands of small tests,
+ * and visible to a fuzzer. */
 #ifndef TC_TEST_READ_HERE_H
 #define TC_TEST_READ_HERE_H
 
@@ -82,8 +82,8 @@ static int here_open(void *user, const char *name, bool optional, GError **error
 
 static bool here_seals(void *user) { return here_goes_on(user, 1, NULL); }
 
-/* Reads by `read`, a tc_format's, or NULL: by content and name. `folder` is where files beside are, or -1; the input
- * is closed. */
+/* Reads with `read`, a tc_format's function, or NULL: detects the format by content and name. `folder` holds files
+ * besides the input, or -1. Closes the input. */
 static inline tc_volume *read_input_here(tc_input *input, int folder,
                                          bool (*read)(const tc_input *, const tc_order *, GError **),
                                          const tc_import_options *options, GError **error) {

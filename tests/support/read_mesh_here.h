@@ -1,4 +1,5 @@
-/* Mesh files read in this process, by the helper's own readers (read_here.h does volumes), and what any mesh must be. */
+/* Reads mesh files in this process with the helper's readers (read_here.h does volumes), and checks what holds for
+ * every mesh. */
 #ifndef TC_TEST_READ_MESH_HERE_H
 #define TC_TEST_READ_MESH_HERE_H
 
@@ -13,7 +14,7 @@
 typedef struct mesh_here {
   tc_mesh_head head;
   GByteArray *bytes;
-  int asked, most_asked; /* how often whether to go on; refused beyond `most_asked`, if that is not 0 */
+  int asked, most_asked; /* calls of the progress callback; above `most_asked`, if not 0, it cancels */
   uint8_t slot[TC_ORDER_MOST_BYTES];
 } mesh_here;
 
@@ -61,7 +62,8 @@ static inline bool mesh_is_sound(const tc_mesh *m) {
   return sound;
 }
 
-/* By `read`, a tc_format's, or NULL: by content and name. Bytes that do not make the mesh they announce abort. */
+/* Reads with `read`, a tc_format's function, or NULL: detects the format. Aborts if the mesh differs from its header.
+ *  */
 static inline tc_mesh *read_mesh_here(const void *bytes, size_t size, const char *name,
                                       bool (*read)(const tc_input *, const tc_order *, GError **), uint64_t most_bytes,
                                       int most_asked, tc_mesh_head *head, GError **error) {

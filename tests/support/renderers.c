@@ -54,7 +54,7 @@ int test_resumes(int which, tc_volume *volume, const tc_scene *scene) {
   GError *error = NULL;
   int pauses = 0;
   tc_interrupt_init(&interrupt);
-  atomic_store(&interrupt.pause_us, 1); /* long past */
+  atomic_store(&interrupt.pause_us, 1); /* in the past */
   const tc_render_request request = {.interrupt = &interrupt, .resume = true};
   while (!tc_render(test_renderers[which], volume, scene, &request, &frame, &error) && pauses++ < 2000) {
     assert_true(g_error_matches(error, TC_ERROR, TC_ERROR_PAUSED));

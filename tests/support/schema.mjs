@@ -1,4 +1,4 @@
-// The part of JSON Schema 2020-12 that our contract uses, so that real replies can be held against it.
+// A validator for the part of JSON Schema 2020-12 that the contract uses, to check real replies.
 
 const types = {
   object: (v) => v !== null && typeof v === 'object' && !Array.isArray(v), array: Array.isArray,
@@ -11,7 +11,7 @@ const known = new Set(['$ref', '$defs', '$schema', '$id', '$comment', 'title', '
   'not', 'contentMediaType', 'minProperties', 'maxProperties', 'uniqueItems', 'readOnly', 'deprecated', 'format', 'multipleOf',
   'dependentRequired', 'if', 'then', 'else']);
 
-/** @returns {string[]} what is wrong, with places; empty = valid */
+/** @returns {string[]} errors with their places; empty = valid */
 export function validate(value, schema, root = schema, at = '') {
   if (schema === true || schema === undefined) return [];
   if (schema === false) return [`${at}: not allowed`];

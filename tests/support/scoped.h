@@ -1,4 +1,4 @@
-/* What GLib's g_autoptr(TYPE) and g_auto(TYPE) free at the end of the scope, besides GLib's own types. */
+/* Cleanup functions for g_autoptr(TYPE) and g_auto(TYPE), besides those of GLib. */
 #ifndef TC_TEST_SCOPED_H
 #define TC_TEST_SCOPED_H
 

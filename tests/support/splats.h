@@ -1,4 +1,4 @@
-/* Objects of splats and drawings of them, for their tests. */
+/* Splat objects and draw calls for their tests. */
 #ifndef TC_TEST_SPLATS_H
 #define TC_TEST_SPLATS_H
 
@@ -15,7 +15,7 @@ G_DEFINE_AUTOPTR_CLEANUP_FUNC(tc_vmd_subject, tc_vmd_subject_free)
 
 enum { SIDE = 96 };
 
-/* An object ready to be drawn: of a volume's values from 0 on. */
+/* An object ready to draw: a volume's values from 0 on. */
 typedef struct object {
   tc_volume *volume;
   tc_vmd *model;
@@ -92,7 +92,7 @@ static inline void draw_now(const object *o, const tc_scene *scene, wish w, draw
   if (!draw(o, scene, w, d, &error)) fail_msg("%s", error->message);
 }
 
-/* A ball of radius context[0] in the middle of 40 voxels a side; waves deform it. */
+/* A ball of radius context[0], deformed by waves, in the middle of 40 voxels a side. */
 static inline double blob(double x, double y, double z, const void *context) {
   const double *c = context, dx = x - 19.5, dy = y - 19.5, dz = z - 19.5;
   return c[0] - sqrt(dx * dx + dy * dy + dz * dz) - c[1] * (sin(dx * 0.9) + cos(dy * 0.7) + sin(dz * 0.8));
@@ -106,7 +106,7 @@ static const test_grid flat_grid = {.dims = {40, 40, 40},
                                     .origin = {100, -50, 7},
                                     .direction = {0, 0.96, 0.28, -1, 0, 0, 0, -0.28, 0.96}};
 
-/* Directions that the picture is seen from. */
+/* The i-th viewing direction. */
 static inline void direction(int i, double side[3]) {
   const double golden = i * 2.39996323, z = 1 - 2 * (i + 0.5) / 24, r = sqrt(1 - z * z);
   side[0] = r * cos(golden), side[1] = r * sin(golden), side[2] = z;

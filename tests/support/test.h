@@ -1,4 +1,4 @@
-/* What every test of C includes: cmocka with the headers that it wants before it, and the C library's usual ones. */
+/* Included by every C test: cmocka, with the headers it needs, and the usual ones of the C library. */
 #ifndef TC_TEST_TEST_H
 #define TC_TEST_TEST_H
 
@@ -12,11 +12,11 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include <cmocka.h> /* after those: it declares nothing itself of what it uses */
+#include <cmocka.h> /* after those above, which it needs but does not include */
 
-/* TEST(what_it_promises) { ... } in a file that ends with TESTS(set_up, tear_down), of all of them together (NULL: none).
- * The tests of a file run in the order in which they stand. TEST_WITH: a set-up and a tear-down of the
- * test's own (NULL: none); `state` is cmocka's. */
+/* Write TEST(what_it_promises) { ... } in a file that ends with TESTS(set_up, tear_down), which run once for all tests
+ * (NULL: none). The tests run in file order. TEST_WITH: a set-up and tear-down for one test (NULL: none); `state` is
+ * cmocka's. */
 #define TEST(name) TEST_OF(name, NULL, NULL, no_state)
 #define TEST_WITH(name, set_up, tear_down) TEST_OF(name, set_up, tear_down, state)
 #define TEST_OF(name, set_up, tear_down, parameter)                                              \
@@ -40,9 +40,9 @@ static inline int run_all_tests(CMFixtureFunction set_up, CMFixtureFunction tear
   return _cmocka_run_group_tests(__FILE__, all_tests, n_tests, set_up, tear_down);
 }
 
-/* Leaves a test out where the machine lacks what it wants. */
+/* Skips a test if the machine lacks what it needs. */
 #define needs(what) do { if (!(what)) skip(); } while (0)
-/* For files with a GError `error` of their own. */
+/* For files with their own GError `error`. */
 #define assert_made(what) do { if (!(what)) fail_msg("%s", error ? error->message : #what); } while (0)
 
 #endif

@@ -1,4 +1,4 @@
-// A WebSocket client over a bare socket: RFC 6455 as it should be, and every way to do it wrong.
+// A WebSocket client over a bare socket: RFC 6455, and every way to violate it.
 import assert from 'node:assert/strict';
 import { createHash, randomBytes } from 'node:crypto';
 import net from 'node:net';
@@ -8,7 +8,7 @@ const PATIENCE_MS = 30000;
 
 export const OP = { more: 0, text: 1, binary: 2, close: 8, ping: 9, pong: 10 };
 
-/** One frame as bytes. Clients mask; `mask: false` breaks the rule. `size` lies about the length. */
+/** One frame as bytes. Clients mask; `mask: false` violates that. `size` overrides the length field. */
 export function frameBytes(payload, { opcode = OP.text, fin = true, rsv = 0, mask = true, size } = {}) {
   const body = Buffer.from(payload);
   const length = size ?? body.length;
@@ -27,7 +27,7 @@ export function frameBytes(payload, { opcode = OP.text, fin = true, rsv = 0, mas
   return Buffer.concat([Buffer.from(head), key, body]);
 }
 
-/** The opening handshake alone, over what connect() gives. @returns {{status, headers, socket, rest}} */
+/** The opening handshake alone, over a socket from connect(). @returns {{status, headers, socket, rest}} */
 export function handshake(port, path, { headers = {}, without = [], extra = Buffer.alloc(0), connect } = {}) {
   const key = randomBytes(16).toString('base64');
   const all = {
@@ -65,7 +65,7 @@ export class Ws {
   #pieces = [];
   #pieceOpcode = 0;
 
-  /** Options of handshake(), and autoAck: acknowledge every frame at once. */
+  /** Options of handshake(), and autoAck: acknowledges every frame immediately. */
   static async open(daemon, session, options = {}) {
     const reply = await handshake(daemon.port, `/v1/sessions/${session}/stream`, options);
     assert.equal(reply.status, 101, JSON.stringify(reply.headers));
@@ -74,7 +74,7 @@ export class Ws {
     return new Ws(reply.socket, reply.rest, options);
   }
 
-  /** onMessage takes every message as it comes; without it they wait for next(). */
+  /** onMessage receives every message; without it messages wait for next(). */
   constructor(socket, rest, { autoAck = true, onMessage } = {}) {
     this.socket = socket;
     this.onMessage = onMessage;
@@ -96,7 +96,7 @@ export class Ws {
   pause() { this.socket.pause(); }
   resume() { this.socket.resume(); }
 
-  /** The next message `wanted` says yes to; others before it are dropped. */
+  /** The next message that `wanted` accepts; drops the ones before. */
   next(wanted = () => true, patienceMs = PATIENCE_MS) {
     const at = this.messages.findIndex(wanted);
     if (at >= 0) return Promise.resolve(this.messages.splice(0, at + 1)[at]);
@@ -180,7 +180,7 @@ export class Ws {
     }
     const at = this.#waiting.findIndex(({ wanted }) => wanted(message));
     if (at < 0) return void this.messages.push(message);
-    this.messages = []; // came before it
+    this.messages = []; // earlier messages are dropped
     this.#waiting.splice(at, 1)[0].resolve(message);
   }
 }
