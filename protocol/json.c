@@ -55,7 +55,7 @@ static bool take(scanner *s, char c) {
 /* --- numbers ---------------------------------------------------------------------------------- */
 
 static bool scan_digits(scanner *s) {
-  if (!at_digit(s)) return fail(s, "a digit is wanted here");
+  if (!at_digit(s)) return fail(s, "a digit expected here");
   while (at_digit(s)) s->at++;
   return true;
 }
@@ -89,7 +89,7 @@ static bool scan_hex4(scanner *s, gunichar *code) {
   *code = 0;
   for (int i = 0; i < 4; i++, s->at++) {
     int digit = s->at < s->end ? g_ascii_xdigit_value(*s->at) : -1;
-    if (digit < 0) return fail(s, "four hexadecimal digits are wanted after \\u");
+    if (digit < 0) return fail(s, "four hexadecimal digits expected after \\u");
     *code = *code * 16 + (gunichar)digit;
   }
   return true;
@@ -211,7 +211,7 @@ static bool scan_member(scanner *s, names *seen) {
     return fail(s, "this member name occurs twice in one object");
   }
   skip_space(s);
-  if (!take(s, ':')) return fail(s, "':' is wanted after a member name");
+  if (!take(s, ':')) return fail(s, "':' expected after a member name");
   return scan_value(s);
 }
 
@@ -224,7 +224,7 @@ static bool scan_members(scanner *s, names *seen) {
     if (!scan_member(s, seen)) return false;
     skip_space(s);
   } while (take(s, ','));
-  return take(s, '}') || fail(s, "',' or '}' is wanted here");
+  return take(s, '}') || fail(s, "',' or '}' expected here");
 }
 
 static bool scan_object(scanner *s) {
@@ -242,7 +242,7 @@ static bool scan_array(scanner *s) {
     if (!scan_value(s)) return false;
     skip_space(s);
   } while (take(s, ','));
-  return take(s, ']') || fail(s, "',' or ']' is wanted here");
+  return take(s, ']') || fail(s, "',' or ']' expected here");
 }
 
 static bool scan_word(scanner *s, const char *word) {
@@ -262,7 +262,7 @@ static bool scan_container(scanner *s) {
 /* Recursion is bounded by MAX_DEPTH. */
 static bool scan_value(scanner *s) {
   skip_space(s);
-  if (s->at == s->end) return fail(s, "the text ends where a value is wanted");
+  if (s->at == s->end) return fail(s, "the text ends where a value is expected");
   switch (*s->at) {
   case '{':
   case '[': return scan_container(s);

@@ -14,7 +14,7 @@ static bool read_knot(tcp_reader *reader, const cJSON *object, tc_knot *knot, tc
   if (!(seen & 1u << VALUE)) return tcp_fail(reader, TC_ERROR_INVALID, "\"value\" is missing");
   if (!(seen & 1u << COLOR)) return tcp_fail(reader, TC_ERROR_INVALID, "\"color\" [r,g,b] is missing");
   if (opacity == extinction)
-    return tcp_fail(reader, TC_ERROR_INVALID, "one of \"opacity\" and \"extinction\" is wanted, got %s",
+    return tcp_fail(reader, TC_ERROR_INVALID, "one of \"opacity\" and \"extinction\" expected, got %s",
                     opacity ? "both" : "none");
   tc_knot_kind own = opacity ? TC_KNOT_OPACITY : TC_KNOT_EXTINCTION;
   if (!first && own != *kind)
@@ -49,9 +49,9 @@ static bool read_points(tcp_reader *reader, const tcp_member *member, const cJSO
   }
   if (!cJSON_IsArray(value)) return tcp_fail_type(reader, "an array of points", value);
   int count = cJSON_GetArraySize(value);
-  if (count < 1) return tcp_fail(reader, TC_ERROR_INVALID, "at least one point is wanted");
+  if (count < 1) return tcp_fail(reader, TC_ERROR_INVALID, "at least one point expected");
   if (count > TC_MAX_KNOTS)
-    return tcp_fail(reader, TC_ERROR_LIMIT, "at most %d points are wanted, got %d", TC_MAX_KNOTS, count);
+    return tcp_fail(reader, TC_ERROR_LIMIT, "at most %d points are allowed, got %d", TC_MAX_KNOTS, count);
   tc_knot *knots = g_new0(tc_knot, count);
   tc_knot_kind kind = TC_KNOT_OPACITY;
   if (!read_knots(reader, value, knots, &kind)) {

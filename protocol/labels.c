@@ -30,7 +30,7 @@ static bool is_reset(const tc_label_color *edit) { return edit->rgba[0] < 0; }
 static bool read_edit(tcp_reader *reader, const tcp_member *member, const cJSON *item, tc_label_color *edit) {
   const size_t mark = tcp_enter(reader, item->string);
   if (!parse_label(item->string, &edit->label))
-    return tcp_fail(reader, TC_ERROR_INVALID, "a label number 0..4294967295 is wanted as the name");
+    return tcp_fail(reader, TC_ERROR_INVALID, "a label number 0..4294967295 expected as the name");
   if (cJSON_IsNull(item))
     edit->rgba[0] = -1;
   else if (!tcp_vector_read(reader, member, item, 4, edit->rgba))
@@ -71,7 +71,7 @@ static bool lay_on(tcp_reader *reader, const tc_label_color *edits, size_t count
   const bool good = kept <= TCP_MAX_LABELS;
   tc_label_color *colors = (tc_label_color *)(void *)g_array_free(all, !good || !kept);
   if (good) tc_scene_set_colors(scene, colors, kept);
-  return good || tcp_fail(reader, TC_ERROR_LIMIT, "at most %d colours are wanted, got %u", TCP_MAX_LABELS, kept);
+  return good || tcp_fail(reader, TC_ERROR_LIMIT, "at most %d colours are allowed, got %u", TCP_MAX_LABELS, kept);
 }
 
 /* Without defaults (tcp_lists_read()) the result is the list of edits. */
@@ -129,7 +129,7 @@ static bool read_visible(tcp_reader *reader, const tcp_member *member, const cJS
   if (!cJSON_IsArray(value)) return tcp_fail_type(reader, "an array of label numbers", value);
   int count = cJSON_GetArraySize(value), i = 0;
   if (count > TCP_MAX_LABELS)
-    return tcp_fail(reader, TC_ERROR_LIMIT, "at most %d labels are wanted, got %d", TCP_MAX_LABELS, count);
+    return tcp_fail(reader, TC_ERROR_LIMIT, "at most %d labels are allowed, got %d", TCP_MAX_LABELS, count);
   uint32_t *visible = g_new0(uint32_t, count ? count : 1); /* an empty list shows no label; NULL would show all */
   tc_scene_set_visible(reader->scene, visible, (size_t)count);
   for (const cJSON *item = value->child; item; item = item->next, i++) {

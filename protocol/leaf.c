@@ -12,18 +12,18 @@ static bool too_high(const tcp_member *m, double v) { return m->flags & TCP_BELO
 static bool check_range(tcp_reader *reader, const tcp_member *m, double v) {
   const char *unit = m->unit ? m->unit : "", *space = m->unit ? " " : "";
   if (too_low(m, v))
-    return tcp_fail(reader, TC_ERROR_INVALID, "%.9g is too small; %s %.9g%s%s is wanted", v,
+    return tcp_fail(reader, TC_ERROR_INVALID, "%.9g is too small; expected %s %.9g%s%s", v,
                     m->flags & TCP_ABOVE ? "more than" : "at least", m->min, space, unit);
   if (too_high(m, v))
     return tcp_fail(reader, m->flags & TCP_LIMIT ? TC_ERROR_LIMIT : TC_ERROR_INVALID,
-                    "%.9g is too large; %s %.9g%s%s is wanted", v, m->flags & TCP_BELOW ? "less than" : "at most",
+                    "%.9g is too large; expected %s %.9g%s%s", v, m->flags & TCP_BELOW ? "less than" : "at most",
                     m->max, space, unit);
   return true;
 }
 
 bool tcp_number_read(tcp_reader *reader, const tcp_member *member, const cJSON *value, double *number) {
   if (!cJSON_IsNumber(value)) return tcp_fail_type(reader, "a number", value);
-  if (!isfinite(value->valuedouble)) return tcp_fail(reader, TC_ERROR_INVALID, "a finite number is wanted");
+  if (!isfinite(value->valuedouble)) return tcp_fail(reader, TC_ERROR_INVALID, "a finite number expected");
   if (!check_range(reader, member, value->valuedouble)) return false;
   *number = value->valuedouble;
   return true;
@@ -54,7 +54,7 @@ static bool read_name(tcp_reader *reader, const tcp_member *member, const cJSON 
 bool tcp_vector_read(tcp_reader *reader, const tcp_member *member, const cJSON *value, int count, double *numbers) {
   if (!cJSON_IsArray(value)) return tcp_fail_type(reader, "an array", value);
   int given = cJSON_GetArraySize(value), i = 0;
-  if (given != count) return tcp_fail(reader, TC_ERROR_INVALID, "%d numbers are wanted, got %d", count, given);
+  if (given != count) return tcp_fail(reader, TC_ERROR_INVALID, "%d numbers expected, got %d", count, given);
   for (const cJSON *item = value->child; item; item = item->next, i++) {
     size_t mark = tcp_enter_index(reader, i);
     if (!tcp_number_read(reader, member, item, &numbers[i])) return false;
@@ -67,7 +67,7 @@ static bool read_text(tcp_reader *reader, const tcp_member *member, const cJSON 
   if (!cJSON_IsString(value)) return tcp_fail_type(reader, "a string", value);
   size_t size = strlen(value->valuestring);
   if (size >= (size_t)member->count)
-    return tcp_fail(reader, TC_ERROR_INVALID, "at most %d bytes are wanted, got %zu", member->count - 1, size);
+    return tcp_fail(reader, TC_ERROR_INVALID, "at most %d bytes are allowed, got %zu", member->count - 1, size);
   memset(text, 0, (size_t)member->count);
   memcpy(text, value->valuestring, size);
   return true;

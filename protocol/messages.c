@@ -28,7 +28,7 @@ static bool read_counter(const cJSON *object, const char *name, uint64_t *counte
   const cJSON *value = cJSON_GetObjectItemCaseSensitive(object, name);
   double number = cJSON_IsNumber(value) ? value->valuedouble : -1;
   if (number < 0 || number > MAX_COUNTER || number != floor(number))
-    return fail(error, name, "a whole number 0..2^53 is wanted");
+    return fail(error, name, "a whole number 0..2^53 expected");
   *counter = (uint64_t)number;
   return true;
 }
@@ -36,7 +36,7 @@ static bool read_counter(const cJSON *object, const char *name, uint64_t *counte
 static bool read_type(const cJSON *object, tcp_message_type *type, GError **error) {
   const cJSON *value = cJSON_GetObjectItemCaseSensitive(object, "type");
   if (!cJSON_IsString(value))
-    return fail(error, "type", "\"patch\", \"ack\", \"pointer\", \"ping\", \"size\" or \"cancel\" is wanted");
+    return fail(error, "type", "\"patch\", \"ack\", \"pointer\", \"ping\", \"size\" or \"cancel\" expected");
   for (int i = 0; type_names[i]; i++)
     if (strcmp(type_names[i], value->valuestring) == 0) {
       *type = (tcp_message_type)i;
@@ -70,7 +70,7 @@ static bool check_names(const cJSON *object, tcp_message_type type, GError **err
 static bool read_patch(cJSON *object, tcp_message *message, GError **error) {
   if (!read_counter(object, "seq", &message->seq, error)) return false;
   if (!cJSON_IsObject(cJSON_GetObjectItemCaseSensitive(object, "scene")))
-    return fail(error, "scene", "a merge patch, that is an object, is wanted");
+    return fail(error, "scene", "expected a merge patch, that is an object");
   message->scene = cJSON_DetachItemFromObjectCaseSensitive(object, "scene");
   return true;
 }
@@ -79,12 +79,12 @@ static bool read_pointer(const cJSON *object, tcp_message *message, GError **err
   const char *phase = cJSON_GetStringValue(cJSON_GetObjectItemCaseSensitive(object, "phase"));
   message->pointer_down = phase && strcmp(phase, "start") == 0;
   if (message->pointer_down || (phase && strcmp(phase, "end") == 0)) return true;
-  return fail(error, "phase", "\"start\" or \"end\" is wanted");
+  return fail(error, "phase", "\"start\" or \"end\" expected");
 }
 
 static bool read_ping(const cJSON *object, tcp_message *message, GError **error) {
   const cJSON *t = cJSON_GetObjectItemCaseSensitive(object, "t");
-  if (!cJSON_IsNumber(t)) return fail(error, "t", "a number is wanted");
+  if (!cJSON_IsNumber(t)) return fail(error, "t", "a number expected");
   message->t = t->valuedouble;
   return true;
 }

@@ -97,7 +97,7 @@ static const char *kind_of(const cJSON *value) {
 }
 
 bool tcp_fail_type(tcp_reader *reader, const char *what, const cJSON *value) {
-  return tcp_fail(reader, TC_ERROR_INVALID, "%s is wanted, not %s", what, kind_of(value));
+  return tcp_fail(reader, TC_ERROR_INVALID, "%s expected, not %s", what, kind_of(value));
 }
 
 /* --- "did you mean" --------------------------------------------------------------------------- */

@@ -20,7 +20,7 @@ static bool check_camera(const tc_camera *camera, const cJSON *patch, GError **e
 static bool check_image(const tc_scene *scene, const cJSON *patch, GError **error) {
   long area = (long)scene->image.width * scene->image.height;
   if (!tc_image_fits(scene->image.width, scene->image.height))
-    return tcp_fail_at(error, TC_ERROR_LIMIT, "/image", "%d x %d is %ld pixels; at most %d are wanted",
+    return tcp_fail_at(error, TC_ERROR_LIMIT, "/image", "%d x %d is %ld pixels; at most %d are allowed",
                        scene->image.width, scene->image.height, area, TC_MAX_IMAGE_AREA);
   if (!scene->image.transparent || scene->image.format != TC_FORMAT_JPEG) return true;
   bool format_set = patch_has(patch, "image", "format") && !patch_has(patch, "image", "background");

@@ -31,7 +31,7 @@ static bool is_word(const cJSON *value, const char *word) {
 static bool read_background(tcp_reader *reader, const tcp_member *member, const cJSON *value) {
   reader->scene->image.transparent = is_word(value, "transparent");
   if (reader->scene->image.transparent) return true;
-  if (cJSON_IsString(value)) return tcp_fail(reader, TC_ERROR_INVALID, "\"transparent\" or [r,g,b] is wanted");
+  if (cJSON_IsString(value)) return tcp_fail(reader, TC_ERROR_INVALID, "\"transparent\" or [r,g,b] expected");
   return tcp_vector_read(reader, member, value, 3, reader->scene->image.background);
 }
 
@@ -56,7 +56,7 @@ static bool is_zero(const double v[3]) { return v[0] == 0 && v[1] == 0 && v[2] =
 static bool read_light(tcp_reader *reader, const tcp_member *member, const cJSON *value) {
   reader->scene->shading.light_at_camera = is_word(value, "camera");
   if (reader->scene->shading.light_at_camera) return true;
-  if (cJSON_IsString(value)) return tcp_fail(reader, TC_ERROR_INVALID, "\"camera\" or a direction [x,y,z] is wanted");
+  if (cJSON_IsString(value)) return tcp_fail(reader, TC_ERROR_INVALID, "\"camera\" or a direction [x,y,z] expected");
   if (!tcp_vector_read(reader, member, value, 3, reader->scene->shading.light)) return false;
   return !is_zero(reader->scene->shading.light) ||
          tcp_fail(reader, TC_ERROR_INVALID, "[0,0,0] is no direction; give the direction to the light");
@@ -92,7 +92,7 @@ static bool read_rows(tcp_reader *reader, const tcp_member *member, const cJSON 
 static bool read_box(tcp_reader *reader, const tcp_member *member, const cJSON *value) {
   double(*box)[3] = reader->scene->clip.box;
   if (!cJSON_IsArray(value) || cJSON_GetArraySize(value) != 2)
-    return tcp_fail(reader, TC_ERROR_INVALID, "two corners [[x,y,z],[x,y,z]] are wanted");
+    return tcp_fail(reader, TC_ERROR_INVALID, "two corners [[x,y,z],[x,y,z]] expected");
   if (!read_rows(reader, member, value, 3, box[0])) return false;
   for (int axis = 0; axis < 3; axis++)
     if (box[0][axis] > box[1][axis])
@@ -126,7 +126,7 @@ static bool read_planes(tcp_reader *reader, const tcp_member *member, const cJSO
   if (!cJSON_IsArray(value)) return tcp_fail_type(reader, "an array of planes", value);
   int count = cJSON_GetArraySize(value);
   if (count > MAX_PLANES)
-    return tcp_fail(reader, TC_ERROR_LIMIT, "at most %d planes are wanted, got %d", MAX_PLANES, count);
+    return tcp_fail(reader, TC_ERROR_LIMIT, "at most %d planes are allowed, got %d", MAX_PLANES, count);
   if (!read_rows(reader, member, value, 4, reader->scene->clip.planes[0])) return false;
   for (int i = 0; i < count; i++)
     if (is_zero(reader->scene->clip.planes[i])) {
@@ -206,7 +206,7 @@ const tcp_special tcp_special_quality = {read_quality, write_quality, reset_qual
 
 /* Only read by checks of the document (tcs_scene_check()); nothing is stored in the scene. */
 static bool read_force(tcp_reader *reader, const tcp_member *member, const cJSON *value) {
-  return cJSON_IsBool(value) || tcp_fail(reader, TC_ERROR_INVALID, "true or false is wanted");
+  return cJSON_IsBool(value) || tcp_fail(reader, TC_ERROR_INVALID, "true or false expected");
 }
 
 static cJSON *write_force(const tcp_member *member, const tc_scene *scene) { return NULL; }

@@ -14,7 +14,7 @@ static bool read_surface(tcp_reader *reader, const cJSON *object, tc_mesh_surfac
   if (!tcp_row_read(reader, tcp_surface_members, SURFACE_MEMBERS, object, surface, &seen)) return false;
   const unsigned sources = seen & ((1u << SOURCES) - 1);
   if (sources == 0 || (sources & (sources - 1)))
-    return tcp_fail(reader, TC_ERROR_INVALID, "one of \"value\", \"label\", \"mesh\" and \"plane\" is wanted, got %s",
+    return tcp_fail(reader, TC_ERROR_INVALID, "one of \"value\", \"label\", \"mesh\" and \"plane\" expected, got %s",
                     sources ? "several" : "none");
   surface->source = (tc_surface_source)g_bit_nth_lsf(sources, -1);
   surface->has_color = seen & 1u << COLOR;
@@ -27,7 +27,7 @@ static bool read_surfaces(tcp_reader *reader, const tcp_member *member, const cJ
   const int count = cJSON_GetArraySize(value);
   int i = 0;
   if (count > TC_MAX_SURFACES)
-    return tcp_fail(reader, TC_ERROR_LIMIT, "at most %d surfaces are wanted, got %d", TC_MAX_SURFACES, count);
+    return tcp_fail(reader, TC_ERROR_LIMIT, "at most %d surfaces are allowed, got %d", TC_MAX_SURFACES, count);
   tc_mesh_surface *surfaces = count ? g_new0(tc_mesh_surface, count) : NULL;
   tc_scene_set_surfaces(reader->scene, surfaces, (size_t)count);
   for (const cJSON *item = value->child; item; item = item->next, i++) {
@@ -90,7 +90,7 @@ static bool read_lights(tcp_reader *reader, const tcp_member *member, const cJSO
   const int count = cJSON_GetArraySize(value);
   int i = 0;
   if (!cJSON_IsArray(value)) return tcp_fail_type(reader, "an array of lights", value);
-  if (count > TC_MAX_LIGHTS) return tcp_fail(reader, TC_ERROR_LIMIT, "at most %d lights are wanted, got %d", TC_MAX_LIGHTS, count);
+  if (count > TC_MAX_LIGHTS) return tcp_fail(reader, TC_ERROR_LIMIT, "at most %d lights are allowed, got %d", TC_MAX_LIGHTS, count);
   for (const cJSON *item = value->child; item; item = item->next, i++) {
     const size_t mark = tcp_enter_index(reader, i);
     if (!read_light(reader, item, &reader->scene->mesh.lights[i])) return false;

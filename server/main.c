@@ -41,7 +41,7 @@ static int refuse(const char *what, const char *name) {
 int main(int argc, char **argv) {
   setlocale(LC_CTYPE, ""); /* file names and messages in the user's character set; numbers stay in C format */
   tcs_encode_prepare_process();
-  if (argc < 2) return refuse("a sub-command is wanted", "");
+  if (argc < 2) return refuse("a sub-command expected", "");
   const char *name = argv[1];
   if (strcmp(name, "--version") == 0 || strcmp(name, "-V") == 0) {
     puts("tomocast " TC_VERSION);

@@ -3,7 +3,7 @@
  * Every call that can fail takes a GError ** as its last argument (GLib's conventions: NULL ignores,
  * the callee sets it once). The message is one line that names what, where and the mend; callers add
  * a clause in front with g_prefix_error(), so a full message reads like
- *   "open study.nrrd: header line 7: sizes: 3 values wanted, got 2".
+ *   "open study.nrrd: header line 7: sizes: 3 values expected, got 2".
  * Messages never hold patient data or server-side absolute paths beyond what the caller passed in. */
 #ifndef TC_RENDERER_ERROR_H
 #define TC_RENDERER_ERROR_H

@@ -252,7 +252,7 @@ static bool check_table(const tc_render_request *q, GError **error) {
       (q->table_bits == 0 || q->table_bits == 8 || q->table_bits == 16))
     return true;
   tc_set_error(error, TC_ERROR_INVALID, NULL,
-               "table of %d entries a side and %d bits: 2 to %d and 8 or 16 wanted, or 0", q->table_size, q->table_bits,
+               "table of %d entries a side and %d bits: 2 to %d and 8 or 16 expected, or 0", q->table_size, q->table_bits,
                TC_MAX_TABLE_SIZE);
   return false;
 }

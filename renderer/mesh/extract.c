@@ -553,7 +553,7 @@ static bool extract(extraction *e, const tc_mesh_options *options, GError **erro
 tc_mesh *tc_mesh_extract(const tc_volume *volume, double iso, const tc_mesh_options *options, GError **error) {
   extraction e;
   if (!isfinite(iso)) {
-    tc_set_error(error, TC_ERROR_INVALID, NULL, "isosurface: a finite value is wanted");
+    tc_set_error(error, TC_ERROR_INVALID, NULL, "isosurface: a finite value expected");
     return NULL;
   }
   set_up(&e, volume, iso);

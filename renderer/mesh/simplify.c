@@ -31,7 +31,7 @@ static tc_mesh *compact(const tc_mesh *from, const uint32_t *triangles, size_t n
 
 tc_mesh *tc_mesh_simplify(const tc_mesh *mesh, double error_mm, size_t least, GError **error) {
   if (!(error_mm >= 0)) {
-    tc_set_error(error, TC_ERROR_INVALID, NULL, "simplification: an error of at least 0 mm is wanted");
+    tc_set_error(error, TC_ERROR_INVALID, NULL, "simplification: an error of at least 0 mm expected");
     return NULL;
   }
   uint32_t *left = malloc((3 * mesh->n_triangles + 1) * sizeof *left);

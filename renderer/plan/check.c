@@ -44,26 +44,26 @@ static bool invalid_knot(GError **error, size_t i, const char *message) {
 
 static bool check_transfer_function(const tc_transfer_function *tf, const tc_scene *valid, GError **error) {
   if (tf->count < 1 || tf->count > TC_MAX_KNOTS)
-    return invalid(error, "/transferFunction/points", "between 1 and 65536 knots wanted");
+    return invalid(error, "/transferFunction/points", "between 1 and 65536 knots expected");
   if (tf->kind == TC_KNOT_OPACITY && !(tf->unit_distance_mm > 0 && isfinite(tf->unit_distance_mm)))
-    return invalid(error, "/transferFunction/unitDistance", "mm above 0 wanted");
+    return invalid(error, "/transferFunction/unitDistance", "mm above 0 expected");
   /* The valid scene's mode may read no transfer function: its knots were not checked. */
   if (valid && valid->mode == TC_MODE_DVR && same_points(tf, &valid->transfer_function)) return true;
   for (size_t i = 0; i < tf->count; i++) {
     const tc_knot *k = &tf->points[i];
     if (!isfinite(k->value) || !finite3(k->color) || !isfinite(k->amount) || k->amount < 0)
-      return invalid_knot(error, i, "finite value and colour, and an opacity or extinction of at least 0 wanted");
-    if (tf->kind == TC_KNOT_OPACITY && k->amount > 1) return invalid_knot(error, i, "opacity from 0 to 1 wanted");
-    if (i > 0 && !(k->value >= k[-1].value)) return invalid_knot(error, i, "knots in ascending order of value wanted");
+      return invalid_knot(error, i, "finite value and colour, and an opacity or extinction of at least 0 expected");
+    if (tf->kind == TC_KNOT_OPACITY && k->amount > 1) return invalid_knot(error, i, "opacity from 0 to 1 expected");
+    if (i > 0 && !(k->value >= k[-1].value)) return invalid_knot(error, i, "knots in ascending order of value expected");
   }
   return true;
 }
 
 /* What a mode does not read is not checked. */
 static bool check_window(const tc_scene *scene, GError **error) {
-  if (!isfinite(scene->window.center)) return invalid(error, "/window/center", "a finite number wanted");
+  if (!isfinite(scene->window.center)) return invalid(error, "/window/center", "a finite number expected");
   if (!(scene->window.width > 0) || !isfinite(scene->window.width))
-    return invalid(error, "/window/width", "a finite number above 0 wanted");
+    return invalid(error, "/window/width", "a finite number above 0 expected");
   return true;
 }
 
@@ -74,15 +74,15 @@ static bool check_look(const tc_scene *scene, const tc_scene *valid, GError **er
 
 static bool check_rays(const tc_scene *scene, GError **error) {
   if (scene->sampling.rays_per_pixel >= 1 && scene->sampling.rays_per_pixel <= TC_MAX_RAYS_PER_PIXEL) return true;
-  return invalid(error, "/sampling/raysPerPixel", "1 to 64 wanted");
+  return invalid(error, "/sampling/raysPerPixel", "1 to 64 expected");
 }
 
 static bool check_sampling(const tc_volume *volume, const tc_scene *scene, GError **error) {
   double step = scene->sampling.step;
-  if (!(step > 0) || !isfinite(step)) return invalid(error, "/sampling/step", "voxels above 0 wanted");
+  if (!(step > 0) || !isfinite(step)) return invalid(error, "/sampling/step", "voxels above 0 expected");
   if (!check_rays(scene, error)) return false;
   if (!tc_is_projection(scene->mode) && !(scene->sampling.termination >= 0 && scene->sampling.termination < 1))
-    return invalid(error, "/sampling/termination", "a transparency from 0 to below 1 wanted");
+    return invalid(error, "/sampling/termination", "a transparency from 0 to below 1 expected");
   const tc_volume_desc *d = tc_volume_describe(volume);
   double least = fmin(d->spacing[0], fmin(d->spacing[1], d->spacing[2])), diagonal = 0;
   for (int k = 0; k < 3; k++) diagonal += d->dims[k] * d->spacing[k];
@@ -99,7 +99,7 @@ static bool check_clipping(const tc_scene *scene, GError **error) {
   for (int k = 0; k < 3 && scene->clip.has_box; k++)
     if (!isfinite(scene->clip.box[0][k]) || !isfinite(scene->clip.box[1][k]) ||
         scene->clip.box[0][k] > scene->clip.box[1][k])
-      return invalid(error, "/clip/box", "two corners wanted, finite, the lower one first");
+      return invalid(error, "/clip/box", "two corners expected, finite, the lower one first");
   for (int i = 0; i < scene->clip.n_planes; i++) {
     const double *p = scene->clip.planes[i];
     double n2 = p[0] * p[0] + p[1] * p[1] + p[2] * p[2];
@@ -117,7 +117,7 @@ static bool check_lights(const tc_scene *s, GError **error) {
     const double *d = l->direction;
     bool good = (l->at_camera || (finite3(d) && (d[0] != 0 || d[1] != 0 || d[2] != 0))) && l->intensity >= 0 && l->intensity <= 16;
     for (int c = 0; c < 3; c++) good = good && l->color[c] >= 0 && l->color[c] <= 1;
-    if (!good) return invalid(error, "/mesh/lights", "directions that are not zero, colors from 0 to 1 and intensities from 0 to 16 wanted");
+    if (!good) return invalid(error, "/mesh/lights", "directions that are not zero, colors from 0 to 1 and intensities from 0 to 16 expected");
   }
   return true;
 }
@@ -131,12 +131,12 @@ static bool check_shading(const tc_scene *scene, GError **error) {
                                                                   {"/shading/specular", scene->shading.specular}};
   for (int i = 0; i < 3; i++)
     if (!(shares[i].value >= 0 && shares[i].value <= 1))
-      return invalid(error, shares[i].pointer, "a share from 0 to 1 wanted");
+      return invalid(error, shares[i].pointer, "a share from 0 to 1 expected");
   if (!(scene->shading.shininess >= 0 && scene->shading.shininess <= 1024))
-    return invalid(error, "/shading/shininess", "0 to 1024 wanted");
+    return invalid(error, "/shading/shininess", "0 to 1024 expected");
   const double *l = scene->shading.light;
   if (!scene->shading.light_at_camera && (!finite3(l) || !(l[0] != 0 || l[1] != 0 || l[2] != 0)))
-    return invalid(error, "/shading/light", "a direction wanted: three finite numbers that are not all zero");
+    return invalid(error, "/shading/light", "a direction expected: three finite numbers that are not all zero");
   return true;
 }
 
@@ -144,22 +144,22 @@ static bool check_shading(const tc_scene *scene, GError **error) {
 static bool check_labels(const tc_scene *scene, const tc_scene *valid, GError **error) {
   if (!scene->labels.volume[0] || !tc_mode_has_labels(scene->mode)) return true;
   if (!(scene->labels.opacity >= 0 && scene->labels.opacity <= 1))
-    return invalid(error, "/labels/opacity", "a share from 0 to 1 wanted");
+    return invalid(error, "/labels/opacity", "a share from 0 to 1 expected");
   if (valid && valid->labels.volume[0] && tc_mode_has_labels(valid->mode) && same_colors(scene, valid)) return true;
   for (size_t i = 0; i < scene->labels.n_colors; i++) {
     const tc_label_color *color = &scene->labels.colors[i];
     for (int c = 0; c < 4; c++)
       if (!(color->rgba[c] >= 0 && color->rgba[c] <= 1))
-        return invalid(error, "/labels/colors", "numbers from 0 to 1 wanted");
+        return invalid(error, "/labels/colors", "numbers from 0 to 1 expected");
     if (i > 0 && color->label <= color[-1].label)
-      return invalid(error, "/labels/colors", "labels in ascending order wanted");
+      return invalid(error, "/labels/colors", "labels in ascending order expected");
   }
   return true;
 }
 
 static bool check_image(int width, int height, GError **error) {
   if (width < 1 || height < 1)
-    return invalid(error, width < 1 ? "/image/width" : "/image/height", "at least 1 pixel wanted");
+    return invalid(error, width < 1 ? "/image/width" : "/image/height", "at least 1 pixel expected");
   if (!tc_image_fits(width, height)) {
     tc_set_error(error, TC_ERROR_LIMIT, width > TC_MAX_IMAGE_SIDE ? "/image/width" : "/image/height",
                  "image: %dx%d is over the limit of %d a side and %d pixels", width, height, TC_MAX_IMAGE_SIDE,
@@ -171,7 +171,7 @@ static bool check_image(int width, int height, GError **error) {
 
 static bool check_center(const tc_scene *scene, GError **error) {
   return !scene->mpr.has_center || finite3(scene->mpr.center) ||
-         invalid(error, "/mpr/center", "three finite numbers wanted");
+         invalid(error, "/mpr/center", "three finite numbers expected");
 }
 
 static bool check_plane(const tc_scene *scene, GError **error) {
@@ -186,9 +186,9 @@ static bool check_mpr(const tc_volume *volume, const tc_scene *scene, GError **e
   if (!check_center(scene, error)) return false;
   if (!check_plane(scene, error)) return false;
   double thickness = scene->mpr.thickness_mm, zoom = scene->mpr.zoom, step = scene->sampling.step;
-  if (!(thickness >= 0) || !isfinite(thickness)) return invalid(error, "/mpr/thickness", "mm of at least 0 wanted");
-  if (!(zoom > 0) || !isfinite(zoom)) return invalid(error, "/mpr/zoom", "a factor above 0 wanted");
-  if (!(step > 0) || !isfinite(step)) return invalid(error, "/sampling/step", "voxels above 0 wanted");
+  if (!(thickness >= 0) || !isfinite(thickness)) return invalid(error, "/mpr/thickness", "mm of at least 0 expected");
+  if (!(zoom > 0) || !isfinite(zoom)) return invalid(error, "/mpr/zoom", "a factor above 0 expected");
+  if (!(step > 0) || !isfinite(step)) return invalid(error, "/sampling/step", "voxels above 0 expected");
   const double *spacing = tc_volume_describe(volume)->spacing;
   if (thickness / (step * fmin(spacing[0], fmin(spacing[1], spacing[2]))) > MAX_SAMPLES_PER_RAY) {
     tc_set_error(error, TC_ERROR_LIMIT, "/mpr/thickness",
@@ -223,12 +223,12 @@ static bool check_built(const tc_scene *s, GError **error) {
 static bool check_color(const tc_scene *s, GError **error) {
   for (int c = 0; c < 3; c++)
     if (!(s->isosurface.color[c] >= 0 && s->isosurface.color[c] <= 1))
-      return invalid(error, "/isosurface/color", "three numbers from 0 to 1 wanted");
+      return invalid(error, "/isosurface/color", "three numbers from 0 to 1 expected");
   return true;
 }
 
 static bool check_surface(const tc_scene *s, GError **error) {
-  if (!isfinite(s->isosurface.value)) return invalid(error, "/isosurface/value", "a finite number wanted");
+  if (!isfinite(s->isosurface.value)) return invalid(error, "/isosurface/value", "a finite number expected");
   return check_color(s, error);
 }
 
@@ -245,17 +245,17 @@ static bool check_surfaces(const tc_scene *s, GError **error) {
   for (size_t i = 0; i < s->mesh.n_surfaces; i++) {
     const tc_mesh_surface *of = &s->mesh.surfaces[i];
     snprintf(pointer, sizeof pointer, "/mesh/surfaces/%zu", i);
-    if (of->source == TC_SURFACE_OF_VALUE && !isfinite(of->value)) return invalid(error, pointer, "a finite value wanted");
-    if (!(of->opacity >= 0 && of->opacity <= 1)) return invalid(error, pointer, "opacity from 0 to 1 wanted");
+    if (of->source == TC_SURFACE_OF_VALUE && !isfinite(of->value)) return invalid(error, pointer, "a finite value expected");
+    if (!(of->opacity >= 0 && of->opacity <= 1)) return invalid(error, pointer, "opacity from 0 to 1 expected");
     for (int c = 0; c < 3; c++)
-      if (!(of->color[c] >= 0 && of->color[c] <= 1)) return invalid(error, pointer, "color of numbers from 0 to 1 wanted");
+      if (!(of->color[c] >= 0 && of->color[c] <= 1)) return invalid(error, pointer, "color of numbers from 0 to 1 expected");
     const double shares[] = {of->ambient, of->diffuse, of->specular, of->shininess / 1024};
     for (int k = 0; k < 4; k++)
       if (of->own_shading >> k & 2 && !(shares[k] >= 0 && shares[k] <= 1))
-        return invalid(error, pointer, "ambient, diffuse and specular from 0 to 1 and shininess from 0 to 1024 wanted");
+        return invalid(error, pointer, "ambient, diffuse and specular from 0 to 1 and shininess from 0 to 1024 expected");
     if ((unsigned)of->model >= TC_SHADING_COUNT) return invalid(error, pointer, "unknown model");
     if (of->source == TC_SURFACE_OF_LABEL && !s->labels.volume[0])
-      return invalid(error, pointer, "a label is wanted of labels.volume, and none is named there");
+      return invalid(error, pointer, "a label needs labels.volume, which is not set");
     if (of->source == TC_SURFACE_OF_LABEL && !tc_mode_has_labels(s->mode))
       return unsupported(error, pointer, "the surface of a label within this mode");
     if (of->source == TC_SURFACE_OF_PLANE && (!check_plane_of(s, of->plane, error) || !check_window(s, error))) return false;
@@ -267,14 +267,14 @@ static bool check_surfaces(const tc_scene *s, GError **error) {
 static bool check_splat(const tc_volume *volume, const tc_scene *s, const tc_scene *valid, GError **error) {
   const bool values = strcmp(s->splat.attribute, "value") == 0;
   if (!isfinite(s->splat.threshold[0]) || !isfinite(s->splat.threshold[1]) || s->splat.threshold[0] > s->splat.threshold[1])
-    return invalid(error, "/splat/threshold", "two finite values wanted, the lower one first");
+    return invalid(error, "/splat/threshold", "two finite values expected, the lower one first");
   if (!(s->splat.kernel_radius > 0 && s->splat.kernel_radius <= 16))
-    return invalid(error, "/splat/kernelRadius", "voxels above 0 and up to 16 wanted");
+    return invalid(error, "/splat/kernelRadius", "voxels above 0 and up to 16 expected");
   const tc_vmd *model = tc_volume_model(volume);
   if (s->splat.attribute[0] && !values && strcmp(s->splat.attribute, "color") != 0 &&
       !(model && tc_vmd_attribute_named(&model->head, s->splat.attribute)))
     return invalid(error, "/splat/attribute",
-                   "value (colours of the transfer function), color (isosurface.color) or an attribute of a .vmd wanted");
+                   "value (colours of the transfer function), color (isosurface.color) or an attribute of a .vmd expected");
   if (s->filter == TC_FILTER_NEAREST)
     return unsupported(error, "/filter", "a footprint but of linear (a Gaussian) and cubic");
   return check_color(s, error) && ((s->splat.opaque && (!s->splat.attribute[0] || strcmp(s->splat.attribute, "color") == 0)) || check_transfer_function(&s->transfer_function, valid, error));

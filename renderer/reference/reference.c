@@ -121,7 +121,7 @@ static bool add_surface(tc_reference *r, const tc_scene *scene, const tc_mesh_su
     return false;
   }
   if (isfinite(s->iso)) return true;
-  tc_set_error(error, TC_ERROR_INVALID, "/isosurface/value", "reference: isosurface: a finite value wanted");
+  tc_set_error(error, TC_ERROR_INVALID, "/isosurface/value", "reference: isosurface: a finite value expected");
   return false;
 }
 
@@ -148,12 +148,12 @@ static bool set_up_appearance(tc_reference *r, const tc_scene *scene, const tc_v
   if (!is_projection(scene->mode)) {
     if (tc_ref_transfer_set_up(&r->transfer, &scene->transfer_function, scene->image.linear_light)) return true;
     tc_set_error(error, TC_ERROR_INVALID, "/transferFunction",
-                 "reference: transfer function: at least one knot wanted, all "
+                 "reference: transfer function: at least one knot expected, all "
                  "finite, values ascending");
     return false;
   }
   if (isfinite(r->window.center) && isfinite(r->window.width) && r->window.width > 0) return true;
-  tc_set_error(error, TC_ERROR_INVALID, "/window", "reference: window: a finite center and a width above 0 wanted");
+  tc_set_error(error, TC_ERROR_INVALID, "/window", "reference: window: a finite center and a width above 0 expected");
   return false;
 }
 
@@ -171,7 +171,7 @@ static bool check(const tc_reference_request *of, GError **error) {
   }
   if (of->width >= 1 && of->height >= 1 && (of->tolerance == 0 || (of->tolerance >= 1e-14 && of->tolerance <= 0.1)))
     return true;
-  tc_set_error(error, TC_ERROR_INVALID, NULL, "reference: %dx%d pixels to %g: at least 1x1 and 1e-14 .. 0.1 wanted",
+  tc_set_error(error, TC_ERROR_INVALID, NULL, "reference: %dx%d pixels to %g: at least 1x1 and 1e-14 .. 0.1 expected",
                of->width, of->height, of->tolerance);
   return false;
 }
@@ -578,7 +578,7 @@ bool tc_reference_image(const tc_reference *reference, int threads, float *rgba,
   image_job job = {.reference = reference, .rgba = rgba};
   atomic_init(&job.row, 0);
   if (threads < 0 || threads > MOST_THREADS) {
-    tc_set_error(error, TC_ERROR_INVALID, NULL, "reference: %d threads: 0 to %d wanted", threads, MOST_THREADS);
+    tc_set_error(error, TC_ERROR_INVALID, NULL, "reference: %d threads: 0 to %d expected", threads, MOST_THREADS);
     return false;
   }
   if (threads == 0) threads = (int)CLAMP(sysconf(_SC_NPROCESSORS_ONLN), 1, MOST_THREADS);

@@ -28,18 +28,18 @@ static bool are_parallel(const double a[3], const double b[3]) {
 const char *tc_camera_fault(const tc_camera *c, const char **pointer) {
   double view[3];
   for (int k = 0; k < 3; k++) view[k] = c->target[k] - c->position[k];
-  if (!finite3(c->position)) return fault(pointer, "/camera/position", "three finite numbers wanted");
-  if (!finite3(c->target)) return fault(pointer, "/camera/target", "three finite numbers wanted");
-  if (!finite3(c->up)) return fault(pointer, "/camera/up", "three finite numbers wanted");
+  if (!finite3(c->position)) return fault(pointer, "/camera/position", "three finite numbers expected");
+  if (!finite3(c->target)) return fault(pointer, "/camera/target", "three finite numbers expected");
+  if (!finite3(c->up)) return fault(pointer, "/camera/up", "three finite numbers expected");
   if (!(length(view) > 0))
     return fault(pointer, "/camera/target", "position and target are the same point; move one of them");
   if (!(length(c->up) > 0)) return fault(pointer, "/camera/up", "[0,0,0] is no direction; give one, as [0,0,1]");
   if (are_parallel(view, c->up))
     return fault(pointer, "/camera/up", "parallel to the view direction (target - position); give another direction");
   if (c->projection == TC_PERSPECTIVE && !(c->fov_y_deg > 0 && c->fov_y_deg < 180))
-    return fault(pointer, "/camera/fovY", "degrees above 0 and below 180 wanted");
+    return fault(pointer, "/camera/fovY", "degrees above 0 and below 180 expected");
   if (c->projection == TC_ORTHOGRAPHIC && !(c->height_mm > 0 && isfinite(c->height_mm)))
-    return fault(pointer, "/camera/height", "mm above 0 wanted");
+    return fault(pointer, "/camera/height", "mm above 0 expected");
   return NULL;
 }
 

@@ -65,7 +65,7 @@ static tc_splats *join(const pile *piles, int count, GError **error) {
   for (int i = 0; i < count; i++) words += piles[i].words->len, bricks += piles[i].bricks->len;
   if (words > TC_SPLAT_MOST) {
     tc_set_error(error, TC_ERROR_LIMIT, "/splat/threshold",
-                 "splat/threshold: the object has more than %u surface voxels; a narrower range is wanted",
+                 "splat/threshold: the object has more than %u surface voxels; choose a narrower range",
                  TC_SPLAT_MOST);
     return NULL;
   }

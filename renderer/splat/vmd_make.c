@@ -143,7 +143,7 @@ static tc_vmd *join(const making *m, GError **error) {
   uint64_t total = 0;
   for (int y = 0; y < m->dims[1]; y++) total += m->rows[y].bytes->len;
   if (total > UINT32_MAX) {
-    tc_set_error(error, TC_ERROR_LIMIT, NULL, "voxel model: more than 4 GiB; fewer voxels or attributes are wanted");
+    tc_set_error(error, TC_ERROR_LIMIT, NULL, "voxel model: more than 4 GiB; choose fewer voxels or attributes");
     return NULL;
   }
   find_rectangle(m, to.first, to.size);

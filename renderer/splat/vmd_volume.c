@@ -254,7 +254,7 @@ static bool add_attribute(tc_vmd_head *head, subject *s, const char *name, bool 
   if (strcmp(name, "label") == 0 && labels) at = &s->label, type = own;
   if (strcmp(name, "normal") == 0) at = &s->normal, type = TC_VMD_NORMAL;
   if (!at && strcmp(name, "user") != 0) {
-    tc_set_error(error, TC_ERROR_INVALID, NULL, "attributes: %s wanted, separated by commas",
+    tc_set_error(error, TC_ERROR_INVALID, NULL, "attributes: %s expected, separated by commas",
                  labels ? "label, normal or user (a label map has no values)"
                         : "value, normal or user (labels are those of a label map)");
     return false;

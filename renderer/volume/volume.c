@@ -62,7 +62,7 @@ static bool check_grid(const tc_volume_desc *d, GError **error) {
   uint64_t voxels = 1;
   for (int k = 0; k < 3; k++) {
     if (d->dims[k] < 1) {
-      tc_set_error(error, TC_ERROR_INVALID, NULL, "volume: axis %d has %d voxels, at least 1 wanted", k, d->dims[k]);
+      tc_set_error(error, TC_ERROR_INVALID, NULL, "volume: axis %d has %d voxels, at least 1 expected", k, d->dims[k]);
       return false;
     }
     voxels *= (uint64_t)d->dims[k]; /* two factors below 2^31 fit; the product is checked before the third */
@@ -73,7 +73,7 @@ static bool check_grid(const tc_volume_desc *d, GError **error) {
       return false;
     }
     if (!(d->spacing[k] > 0) || !isfinite(d->spacing[k])) {
-      tc_set_error(error, TC_ERROR_INVALID, NULL, "volume: spacing of axis %d is %g, a finite number above 0 wanted", k,
+      tc_set_error(error, TC_ERROR_INVALID, NULL, "volume: spacing of axis %d is %g, a finite number above 0 expected", k,
                    d->spacing[k]);
       return false;
     }
@@ -84,7 +84,7 @@ static bool check_grid(const tc_volume_desc *d, GError **error) {
     }
   }
   if (!tc_scale_is_usable(d->slope, d->intercept)) {
-    tc_set_error(error, TC_ERROR_INVALID, NULL, "volume: slope %g and intercept %g: at most %g are wanted, and a slope of at "
+    tc_set_error(error, TC_ERROR_INVALID, NULL, "volume: slope %g and intercept %g: at most %g are allowed, and a slope of at "
                  "least %g; correct them in the file's header", d->slope, d->intercept, TC_MOST_SCALE, 1 / TC_MOST_SCALE);
     return false;
   }

@@ -350,11 +350,11 @@ static bool parse(bench *b, int argc, char **argv, GError **error) {
   if (a->size < 1 || a->size > 4096 || a->runs < 1 || a->runs > MAX_RUNS || a->pixels < 0 || a->pixels > 1000000 ||
       a->cache < 0 || !(a->zoom > 0)) {
     tc_set_error(error, TC_ERROR_INVALID, NULL,
-                 "--size 1..4096, --runs 1..1000, --error 0..1000000, --cache from 0 and --zoom above 0 are wanted");
+                 "--size 1..4096, --runs 1..1000, --error 0..1000000, --cache from 0 and --zoom above 0 expected");
     return false;
   }
   if (a->paper && strcmp(a->paper, "003") && strcmp(a->paper, "004") && !tcs_paper_known(a->paper)) {
-    tc_set_error(error, TC_ERROR_INVALID, NULL, "--paper %s: 000 or 001 is wanted, or 003 or 004", a->paper);
+    tc_set_error(error, TC_ERROR_INVALID, NULL, "--paper %s: 000 or 001 expected, or 003 or 004", a->paper);
     return false;
   }
   return true;

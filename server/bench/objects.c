@@ -39,7 +39,7 @@ bool tcs_object_measure(tc_renderer *renderer, tc_volume *volume, const tc_scene
   for (int calls = 0; calls == 0 || (plan.has_object && !plan.object_measured && calls < 100); calls++)
     if (!tc_renderer_explain(renderer, volume, scene, NULL, &plan, error)) return false;
   if (!plan.has_object) {
-    tc_set_error(error, TC_ERROR_INVALID, "/mode", "an opaque object over a volume with a grid is wanted");
+    tc_set_error(error, TC_ERROR_INVALID, "/mode", "an opaque object over a volume with a grid expected");
     return false;
   }
   o->cost = plan.object;

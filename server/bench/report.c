@@ -420,12 +420,12 @@ static bool parse(report *r, int argc, char **argv, GError **error) {
   if (!tcs_cli_parse(&usage, argc, argv, &r->rest, error)) return false;
   o->quick = r->quick, o->gl = !r->no_gl;
   if (o->size == 0) o->size = o->quick ? 192 : 512;
-  const char *bad = r->rest                          ? "no argument but options is wanted; the volume is --volume V"
-                    : !r->output                     ? "--output DIR is wanted"
+  const char *bad = r->rest                          ? "takes options only; the volume is --volume V"
+                    : !r->output                     ? "--output DIR expected"
                     : r->document && !r->volume      ? "--scene S goes with --volume V"
-                    : o->size < 16 || o->size > 4096 ? "--size: 16 to 4096 pixels are wanted"
-                    : o->side < 0 || o->side > 1024  ? "--side: up to 1024 pixels are wanted"
-                    : o->threads < 0 || o->threads > 1024 ? "--threads: 0 to 1024 is wanted"
+                    : o->size < 16 || o->size > 4096 ? "--size: 16 to 4096 pixels expected"
+                    : o->side < 0 || o->side > 1024  ? "--side: up to 1024 pixels expected"
+                    : o->threads < 0 || o->threads > 1024 ? "--threads: must be 0 to 1024"
                                                           : NULL;
   if (bad) {
     tc_set_error(error, TC_ERROR_INVALID, NULL, "%s", bad);

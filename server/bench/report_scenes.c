@@ -199,7 +199,7 @@ bool tcs_report_scene_load(const char *volume, const char *document, tcs_report_
   tc_fit_find(&fitted, made->volume);
   if (!tcs_cli_lay_scene(&from, &fitted, &made->scene, &exit_code, error)) return false;
   if (made->scene.mode != TC_MODE_DVR) {
-    tc_set_error(error, TC_ERROR_INVALID, "/mode", "%s: mode dvr wanted: other modes have no sweep", document);
+    tc_set_error(error, TC_ERROR_INVALID, "/mode", "%s: mode dvr expected: other modes have no sweep", document);
     return false;
   }
   usual(&made->scene);

@@ -44,9 +44,9 @@ static bool read_numbers(const char *option, const char *text, int count, double
   }
   g_strfreev(parts);
   if (!good && isfinite(least))
-    tc_set_error(error, TC_ERROR_INVALID, NULL, "%s: a number of at least %g is wanted", option, least);
+    tc_set_error(error, TC_ERROR_INVALID, NULL, "%s: must be a number of at least %g", option, least);
   else if (!good)
-    tc_set_error(error, TC_ERROR_INVALID, NULL, "%s: %s wanted", option, count == 2 ? "LOW,HIGH" : "a number is");
+    tc_set_error(error, TC_ERROR_INVALID, NULL, "%s: %s expected", option, count == 2 ? "LOW,HIGH" : "a number");
   return good;
 }
 
@@ -67,7 +67,7 @@ static bool check_model(const arguments *a, bool model, wanted *w, GError **erro
     return bad_usage(error, "--threshold, --labels, --iso-shell and --attributes go with .vmd");
   if (!model) return true;
   return ways == 1 ? make_wish(a, w, error)
-                   : bad_usage(error, "a .vmd wants its voxels: --threshold LOW,HIGH, or --labels, or --iso-shell V");
+                   : bad_usage(error, "a .vmd needs its voxels: --threshold LOW,HIGH, or --labels, or --iso-shell V");
 }
 
 /* A mesh needs exactly one option that selects its surface. */
@@ -78,7 +78,7 @@ static bool check_mesh(const arguments *a, bool mesh, wanted *w, GError **error)
   if (!mesh && (a->iso || a->label || a->simplify))
     return bad_usage(error, "--iso, --label and --simplify go with .ply, .stl or .obj");
   if (mesh && !from_mesh && !a->iso == !a->label)
-    return bad_usage(error, "a surface wants --iso V, its value, or --label N, a segment");
+    return bad_usage(error, "a surface needs --iso V, its value, or --label N, a segment");
   w->simplify = -1;
   w->all_labels = a->label && strcmp(a->label, "all") == 0;
   if (!read_numbers("--iso", a->iso, 1, -INFINITY, &w->iso, error) ||
@@ -86,7 +86,7 @@ static bool check_mesh(const arguments *a, bool mesh, wanted *w, GError **error)
       !read_numbers("--simplify", a->simplify, 1, 0, &w->simplify, error))
     return false;
   if (w->label == floor(w->label) && w->label <= UINT32_MAX) return true;
-  return bad_usage(error, "--label: a whole number below 2^32 is wanted");
+  return bad_usage(error, "--label: must be a whole number below 2^32");
 }
 
 static bool parse(arguments *a, int argc, char **argv, wanted *w, GError **error) {
@@ -113,7 +113,7 @@ static bool parse(arguments *a, int argc, char **argv, wanted *w, GError **error
                                entries};
   if (!tcs_cli_parse(&usage, argc, argv, &a->rest, error)) return false;
   if (!a->rest || g_strv_length(a->rest) != 2)
-    return bad_usage(error, "IN and OUT are wanted; see tomocast convert --help");
+    return bad_usage(error, "give IN and OUT; see tomocast convert --help");
   tc_export_kind kind = tc_export_kind_of(a->rest[1]);
   if (kind == TC_EXPORT_UNKNOWN)
     return bad_usage(
@@ -122,7 +122,7 @@ static bool parse(arguments *a, int argc, char **argv, wanted *w, GError **error
   *w = (wanted){0};
   if (!check_model(a, kind == TC_EXPORT_MODEL, w, error) || !check_mesh(a, kind == TC_EXPORT_MESH, w, error))
     return false;
-  if (a->threads < 0 || a->threads > 1024) return bad_usage(error, "--threads: 0 to 1024 is wanted");
+  if (a->threads < 0 || a->threads > 1024) return bad_usage(error, "--threads: must be 0 to 1024");
   return true;
 }
 

@@ -168,7 +168,7 @@ int tcs_cli_info(int argc, char **argv) {
   int code = TCS_EXIT_DONE;
   bool good = tcs_cli_parse(&usage, argc, argv, &rest, &error);
   if (good && (!rest || g_strv_length(rest) != 1)) {
-    tc_set_error(&error, TC_ERROR_INVALID, NULL, "one VOLUME is wanted; see tomocast info --help");
+    tc_set_error(&error, TC_ERROR_INVALID, NULL, "give one VOLUME; see tomocast info --help");
     good = false;
   }
   if (!good)

@@ -67,7 +67,7 @@ static bool parse_arguments(job *j, int argc, char **argv, GError **error) {
        "FILE"},
       {"output", 'o', 0, G_OPTION_ARG_FILENAME, &a->output, "picture to write, .png or .jpg (render.png)", "OUT"},
       {"labels", 0, 0, G_OPTION_ARG_FILENAME, &a->labels,
-       "volume of labels to tint and hide by; else the scene's labels.volume, which is a path here", "VOLUME"},
+       "label volume; default: the scene's labels.volume, which is a path here", "VOLUME"},
       {"set", 0, 0, G_OPTION_ARG_FILENAME_ARRAY, &a->set, "change one member, as camera.fovY=40; may be repeated",
        "KEY=VALUE"},
       {"width", 0, 0, G_OPTION_ARG_INT, &a->width, "width of the picture", "PIXELS"},
@@ -86,7 +86,7 @@ static bool parse_arguments(job *j, int argc, char **argv, GError **error) {
   j->exit_code = TCS_EXIT_USAGE;
   bool good = tcs_cli_parse(&usage, argc, argv, &a->rest, error);
   if (good && (!a->rest || g_strv_length(a->rest) != 1))
-    good = usage_error(j, error, "one VOLUME is wanted; see tomocast render --help");
+    good = usage_error(j, error, "give one VOLUME; see tomocast render --help");
   if (good) j->exit_code = TCS_EXIT_FAILED;
   return good;
 }
@@ -98,7 +98,7 @@ static bool read_backend(job *j, const char *option, const char *name, int *whic
                   TC_TABLES_GL == (int)TC_BACKEND_GL);
   for (*which = 0; *which < TC_BACKEND_COUNT; ++*which)
     if (strcmp(names[*which], name ? name : "auto") == 0) return true;
-  return usage_error(j, error, "--%s %s: auto, cpu or gl is wanted", option, name);
+  return usage_error(j, error, "--%s %s: must be auto, cpu or gl", option, name);
 }
 
 /* The file name's suffix decides the format, whatever the scene says. */
@@ -120,10 +120,10 @@ static bool check_arguments(job *j, GError **error) {
     return false;
   j->options.backend = (tc_backend)backend;
   j->options.tables = (tc_table_builder)tables;
-  if (a->threads < 0 || a->threads > 1024) return usage_error(j, error, "--threads: 0 to 1024 is wanted");
-  if (a->width != UNSET && a->width <= 0) return usage_error(j, error, "--width %d: more than 0 is wanted", a->width);
+  if (a->threads < 0 || a->threads > 1024) return usage_error(j, error, "--threads: must be 0 to 1024");
+  if (a->width != UNSET && a->width <= 0) return usage_error(j, error, "--width %d: must be more than 0", a->width);
   if (a->height != UNSET && a->height <= 0)
-    return usage_error(j, error, "--height %d: more than 0 is wanted", a->height);
+    return usage_error(j, error, "--height %d: must be more than 0", a->height);
   j->options.threads = a->threads;
   j->options.isa = a->isa;
   return true;
@@ -201,7 +201,7 @@ static bool print_ray(job *j, GError **error) {
   const tc_scene *s = &j->scene;
   if (sscanf(j->args.ray, "%d,%d%n", &x, &y, &end) != 2 || j->args.ray[end] || x < 0 || y < 0 || x >= s->image.width ||
       y >= s->image.height)
-    return usage_error(j, error, "--ray %s: X,Y wanted, a pixel of the picture of %dx%d, 0,0 at the top left",
+    return usage_error(j, error, "--ray %s: must be X,Y, a pixel of the picture of %dx%d, 0,0 at the top left",
                        j->args.ray, s->image.width, s->image.height);
   char *plain = tcs_ray_json(j->volume, j->labels, s, (int[]){x, y}, NULL, error);
   if (!plain) return false;

@@ -310,7 +310,7 @@ static void announce(const tcs_daemon *d) {
   const char *address = tcs_http_address(d->server.http);
   tcs_log(TCS_LOG_INFO, "serve.start", "version=%s backend=%s simd=%s threads=%d address=%s", TC_VERSION, info->backend,
           info->isa ? info->isa : "none", info->threads, address);
-  if (d->config.insecure_no_auth) tcs_log(TCS_LOG_WARN, "serve.open", "text=\"this server asks nobody who they are\"");
+  if (d->config.insecure_no_auth) tcs_log(TCS_LOG_WARN, "serve.open", "text=\"this server asks for no token\"");
   if (d->config.metrics.address)
     tcs_log(TCS_LOG_INFO, "serve.metrics", "address=%s", tcs_http_metrics_address(d->server.http));
   printf("listening on http://%s\n", address);
@@ -376,22 +376,22 @@ tcs_daemon *tcs_daemon_open(int argc, char **argv, int *code) {
   const GOptionEntry entries[] = {
       {"listen", 0, 0, G_OPTION_ARG_STRING, &options.listen, "where to listen; port 0 takes any", "ADDR:PORT"},
       {"metrics-listen", 0, 0, G_OPTION_ARG_STRING, &options.metrics,
-       "where GET /metrics is answered too, to everybody; elsewhere it is for the role admin", "ADDR:PORT"},
+       "address that serves GET /metrics without a token; elsewhere it needs the role admin", "ADDR:PORT"},
       {"data", 0, 0, G_OPTION_ARG_FILENAME, &options.data, "folder whose volumes clients may load", "DIR"},
       {"backend", 0, 0, G_OPTION_ARG_STRING, &options.backend, "auto, cpu or gl", "NAME"},
       {"volume", 0, 0, G_OPTION_ARG_FILENAME_ARRAY, &options.volumes, "a volume to load at once; may be repeated",
        "ID=PATH"},
       {"log", 0, 0, G_OPTION_ARG_FILENAME, &options.log, "file that the log is appended to; stderr without it", "FILE"},
       {"link-root", 0, 0, G_OPTION_ARG_FILENAME_ARRAY, &options.links,
-       "folder that links of the data folder may lead to (DataLad, git-annex); may be repeated", "DIR"},
+       "folder that symbolic links of the data folder may point into (DataLad, git-annex); may be repeated", "DIR"},
       {"trusted-proxy", 0, 0, G_OPTION_ARG_STRING_ARRAY, &options.proxies,
-       "a proxy in front whose X-Forwarded-For or Forwarded says who asks; may be repeated", "ADDR[/BITS]"},
+       "a proxy whose X-Forwarded-For or Forwarded header names the client; may be repeated", "ADDR[/BITS]"},
       {"host", 0, 0, G_OPTION_ARG_STRING_ARRAY, &options.hosts,
-       "a name this server is asked for by, beside the address it listens on; may be repeated", "NAME[:PORT]"},
+       "a host name that clients use, in addition to the listening address; may be repeated", "NAME[:PORT]"},
       {"audit-file", 0, 0, G_OPTION_ARG_FILENAME, &options.audit,
-       "file that lines about who opened what are appended to, beside the log", "FILE"},
+       "audit file: lines about who opened what are appended to it, in addition to the log", "FILE"},
       {"token-file", 0, 0, G_OPTION_ARG_FILENAME, &options.tokens,
-       "who may do what: lines of NAME ROLE TOKEN (view, edit, admin); SIGHUP reads it again", "FILE"},
+       "access tokens: lines of NAME ROLE TOKEN (view, edit, admin); SIGHUP rereads the file", "FILE"},
       {"insecure-no-auth", 0, 0, G_OPTION_ARG_NONE, &options.insecure_no_auth,
        "let everybody in who can reach the address", NULL},
       {"config", 0, 0, G_OPTION_ARG_FILENAME, &options.config, "settings and limits; options given here win over it",

@@ -56,7 +56,7 @@ static void hear(tcs_signals *signals) {
 /* Ends the process although an import, a disk or a driver hangs; nothing of value is lost. Uses the system call, since
  * sanitizers make _exit() report leaks, and here nothing was freed. */
 static void leave(void) {
-  tcs_log(TCS_LOG_WARN, "stop.forced", "text=\"something did not end in time and was left as it was\"");
+  tcs_log(TCS_LOG_WARN, "stop.forced", "text=\"some work did not end in time and was abandoned\"");
   tcs_log_flush(FLUSH_MOST_MS);
   syscall(SYS_exit_group, 0);
 }

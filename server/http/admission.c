@@ -13,7 +13,7 @@ bool tcs_admit_host(tcs_request *request) {
   if (!host || tcs_host_allowed(request->server->access->hosts, host)) return true;
   refused(request, "host");
   tcs_reply_problem(request, 421, "host", "Misdirected request",
-                    "this server does not answer for that host; its operator can name it with --host");
+                    "this server does not answer for that host; its operator can add the name with --host");
   return false;
 }
 
@@ -32,7 +32,7 @@ bool tcs_admit_origin(tcs_request *request) {
     return true;
   refused(request, "origin");
   tcs_reply_problem(request, 403, "origin", "Forbidden",
-                    "pages of other origins may not ask; behind a proxy name its origin in [server] origins");
+                    "pages of other origins may not call this server; behind a proxy list the page's origin in [server] origins");
   return false;
 }
 
@@ -42,7 +42,7 @@ static bool is_of_session(const tcs_route *route) { return g_str_has_prefix(rout
 static bool refuse_stranger(tcs_request *request, bool presented) {
   refused(request, "token");
   tcs_reply_problem(request, 401, "token", "Unauthorized",
-                    presented ? "the token, ticket or link is not known here, or has expired"
+                    presented ? "the token, ticket or link is unknown or has expired"
                               : "send a token: Authorization: Bearer TOKEN");
   tcs_reply_header(request, "WWW-Authenticate",
                    presented ? "Bearer realm=\"tomocast\", error=\"invalid_token\"" : "Bearer realm=\"tomocast\"");

@@ -25,7 +25,7 @@ static void post_ticket(tcs_request *request, cJSON *body, const tcp_lists *list
   }
   if (id) g_strlcpy(bearer.session, id, sizeof bearer.session);
   if (!tcs_tickets_issue(request->server->access->tickets, &bearer, g_get_monotonic_time(), ticket)) {
-    tcs_reply_problem(request, 503, "busy", "Busy", "too many tickets are out that nobody used; use them or wait");
+    tcs_reply_problem(request, 503, "busy", "Busy", "too many tickets are unused; use them or wait until they expire");
     tcs_reply_header(request, "Retry-After", "5");
     return;
   }

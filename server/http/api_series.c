@@ -52,7 +52,7 @@ void tcs_get_series(tcs_request *request) {
   tcs_source_file source;
   if (request->caller.session[0]) {
     tcs_reply_problem(request, 403, "forbidden", "Not allowed",
-                      "who was given one session sees what it shows, and nothing that could be loaded");
+                      "a share link opens one session and lists no series");
     return;
   }
   if (!path) {

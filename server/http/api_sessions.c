@@ -211,7 +211,7 @@ static void change_scene(tcs_request *request, const cJSON *patch, const tcp_lis
   const char *if_match = tcs_header(request, "If-Match");
   if (if_match && !tcs_etag_listed(if_match, etag)) {
     tcs_reply_problem(request, 412, "precondition", "Changed in the meantime",
-                      "the scene has another version than If-Match says; get it and try again");
+                      "the scene's version differs from If-Match; fetch the scene and try again");
     tcs_reply_header(request, "ETag", etag);
     return;
   }
@@ -271,11 +271,11 @@ static bool handshake_ok(tcs_request *request, const tcs_session *session) {
     tcs_reply_problem(request, 426, "upgrade", "Upgrade required", "this is a WebSocket: connect with ws:// or wss://");
     tcs_reply_header(request, "Upgrade", "websocket");
   } else if (!version || strcmp(version, "13") != 0) {
-    tcs_reply_problem(request, 426, "upgrade", "Upgrade required", "only WebSocket version 13 is spoken");
+    tcs_reply_problem(request, 426, "upgrade", "Upgrade required", "only WebSocket version 13 is supported");
     tcs_reply_header(request, "Upgrade", "websocket");
     tcs_reply_header(request, "Sec-WebSocket-Version", "13");
   } else if (!key || !tcs_websocket_key_valid(key)) {
-    tcs_reply_problem(request, 400, "handshake", "Bad handshake", "Sec-WebSocket-Key: 16 bytes in base64 are wanted");
+    tcs_reply_problem(request, 400, "handshake", "Bad handshake", "Sec-WebSocket-Key: must be 16 bytes in base64");
   } else if (!tcs_token_in(tcs_header(request, "Sec-WebSocket-Protocol"), TCS_SUBPROTOCOL, false)) {
     tcs_reply_problem(request, 400, "handshake", "Bad handshake", "ask for the subprotocol " TCS_SUBPROTOCOL);
   } else {

@@ -182,7 +182,7 @@ static const char *spacing_of(const tcs_request *request) {
 bool tcs_put_allowed(const tcs_request *request, const char *client, GError **error) {
   const char *spacing = spacing_of(request);
   if (spacing && spacing[strspn(spacing, "0123456789.,eE+-")]) {
-    tc_set_error(error, TC_ERROR_INVALID, NULL, "spacing: X,Y,Z in mm are wanted");
+    tc_set_error(error, TC_ERROR_INVALID, NULL, "spacing: give X,Y,Z in mm");
     return false;
   }
   return tcs_catalogue_may_load(request->server->catalogue, kind_of(request), request->params[0], client, error);
@@ -226,7 +226,7 @@ void tcs_delete_entry(tcs_request *request) {
   const bool forced = force && strcmp(force, "true") == 0;
   if (!tcs_caller_owns(&request->caller, entry->owner) || (forced && request->caller.role < TCS_ROLE_ADMIN)) {
     tcs_reply_problem(request, 403, "forbidden", "Not allowed",
-                      "it is deleted by who brought it, and by force or for others by the role admin");
+                      "only its owner or the role admin may delete it, and only the role admin with force");
     return;
   }
   if (entry->users > 0 && !forced) {

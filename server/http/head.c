@@ -142,14 +142,14 @@ static const tcs_refusal *check_method(slice method) {
     if (!is_token(method.at[i])) BAD("the method is not a word");
   for (size_t i = 0; i < G_N_ELEMENTS(known); i++)
     if (method.size == strlen(known[i]) && memcmp(method.at, known[i], method.size) == 0) return NULL;
-  REFUSE(501, "method", "Not implemented", "there is no such method here; methods are written in capitals");
+  REFUSE(501, "method", "Not implemented", "unknown method; methods are written in capitals");
 }
 
 static const tcs_refusal *check_version(reader *r, slice version) {
   if (version.size != 8 || memcmp(version.at, "HTTP/", 5) != 0 || !g_ascii_isdigit(version.at[5]) ||
       version.at[6] != '.' || !g_ascii_isdigit(version.at[7]))
-    BAD("the request line is: method, blank, target, blank, HTTP/1.1");
-  if (version.at[5] != '1') REFUSE(505, "version", "Version not supported", "only HTTP/1.0 and HTTP/1.1 are spoken");
+    BAD("the request line must be: method, space, target, space, HTTP/1.1");
+  if (version.at[5] != '1') REFUSE(505, "version", "Version not supported", "only HTTP/1.0 and HTTP/1.1 are supported");
   r->http10 = version.at[7] == '0';
   return NULL;
 }
@@ -157,7 +157,7 @@ static const tcs_refusal *check_version(reader *r, slice version) {
 static const tcs_refusal *read_request_line(reader *r, slice line) {
   const char *first = memchr(line.at, ' ', line.size);
   const char *last = first ? memrchr(line.at, ' ', line.size) : NULL;
-  if (!first || first == last) BAD("the request line is: method, blank, target, blank, HTTP/1.1");
+  if (!first || first == last) BAD("the request line must be: method, space, target, space, HTTP/1.1");
   if (line.size > TCS_LINE_BYTES) REFUSE(414, "limit", "Too long", "the request line is over the limit");
   const slice method = {line.at, (size_t)(first - line.at)};
   const slice target = {first + 1, (size_t)(last - first) - 1};
@@ -179,7 +179,7 @@ const tcs_refusal *tcs_field_read(const char *line, size_t size, tcs_field *fiel
   if (size && (line[0] == ' ' || line[0] == '\t'))
     BAD("a line of the head begins with a blank; field lines are neither indented nor folded");
   while (name < size && is_token(line[name])) name++;
-  if (name == 0 || name == size || line[name] != ':') BAD("a field line is: name, colon at once, value");
+  if (name == 0 || name == size || line[name] != ':') BAD("a field line must be: name, colon without a space before it, value");
   size_t from = name + 1, to = size;
   while (from < to && (line[from] == ' ' || line[from] == '\t')) from++;
   while (to > from && (line[to - 1] == ' ' || line[to - 1] == '\t')) to--;
@@ -191,7 +191,7 @@ const tcs_refusal *tcs_field_read(const char *line, size_t size, tcs_field *fiel
 
 static const tcs_refusal *read_host(reader *r, slice value) {
   if (r->host) BAD("there is more than one Host field");
-  if (!is_host(value)) BAD("the Host field is no host with an optional port");
+  if (!is_host(value)) BAD("the Host field is not a host with an optional port");
   r->host = true;
   if (!r->authority.size) put_field(r->plain, "Host", 4, value);
   return NULL;
@@ -199,7 +199,7 @@ static const tcs_refusal *read_host(reader *r, slice value) {
 
 static const tcs_refusal *read_length(reader *r, slice value) {
   if (r->length) BAD("there is more than one Content-Length field");
-  if (value.size == 0 || !digits_only(value)) BAD("Content-Length is one whole number");
+  if (value.size == 0 || !digits_only(value)) BAD("Content-Length must be one whole number");
   for (size_t i = 0; i < value.size; i++) {
     if (r->head.length > (uint64_t)INT64_MAX / 10 - 1) REFUSE(413, "limit", "Too large", "no body can be that long");
     r->head.length = r->head.length * 10 + (uint64_t)(value.at[i] - '0');
@@ -211,17 +211,17 @@ static const tcs_refusal *read_length(reader *r, slice value) {
 static const tcs_refusal *read_coding(reader *r, slice value) {
   const slice last = value.size >= 7 ? (slice){value.at + value.size - 7, 7} : (slice){0};
   if (r->http10) BAD("HTTP/1.0 has no Transfer-Encoding");
-  if (r->coding || !same(last, "chunked")) BAD("Transfer-Encoding ends in chunked, and once");
+  if (r->coding || !same(last, "chunked")) BAD("Transfer-Encoding must end in chunked, once");
   if (value.size > 7)
     REFUSE(501, "coding", "Not implemented",
-           "the only transfer coding understood is chunked, without another before it");
+           "the only supported transfer coding is chunked, without another before it");
   r->coding = r->head.chunked = true;
   return NULL;
 }
 
 static const tcs_refusal *read_expect(reader *r, slice value) {
   if (r->http10) return NULL; /* RFC 9110, section 10.1.1: ignored */
-  if (!same(value, "100-continue")) REFUSE(417, "expect", "Expectation failed", "only 100-continue can be expected");
+  if (!same(value, "100-continue")) REFUSE(417, "expect", "Expectation failed", "the only supported Expect is 100-continue");
   put_field(r->plain, "Expect", 6, value);
   return NULL;
 }
@@ -265,7 +265,7 @@ static const tcs_refusal *read_field(reader *r, slice line) {
     if (same(name, LISTS[i])) return add_to_list(&r->lists[i], value);
   for (unsigned i = 0; i < G_N_ELEMENTS(ONCE); i++) {
     if (!same(name, ONCE[i])) continue;
-    if (r->once & 1u << i) BAD("a field that may stand there once stands there twice");
+    if (r->once & 1u << i) BAD("a field that may occur once occurs twice");
     r->once |= 1u << i;
   }
   put_field(r->plain, name.at, name.size, value);

@@ -199,7 +199,7 @@ static void take_body(tcs_request *request, const void *bytes, size_t size) {
   if (request->upload)
     tcs_upload_write(request, bytes, size);
   else if (request->body_bytes > most)
-    tcs_reply_problem(request, 413, "limit", "Too large", "the body is over the limit; /v1/about tells it");
+    tcs_reply_problem(request, 413, "limit", "Too large", "the body is over the limit, which /v1/about shows");
   else if (wanted)
     g_byte_array_append(request->body, bytes, (guint)size);
 }

@@ -179,7 +179,7 @@ tcs_session *tcs_own_session(tcs_request *request) {
   tcs_session *session = tcs_session_of(request);
   if (!session || tcs_caller_owns(&request->caller, session->owner)) return session;
   tcs_reply_problem(request, 403, "forbidden", "Not allowed",
-                    "only who made the session, or the role admin, may do this");
+                    "only the session's owner or the role admin may do this");
   return NULL;
 }
 
@@ -207,7 +207,7 @@ static void refuse_member(tcs_request *request, const char *name, const char *wh
 
 bool tcs_members_known(tcs_request *request, const cJSON *body, const char *const *names) {
   if (!cJSON_IsObject(body)) {
-    refuse_member(request, NULL, "an object is wanted");
+    refuse_member(request, NULL, "an object expected");
     return false;
   }
   for (const cJSON *item = body->child; item; item = item->next) {
@@ -224,7 +224,7 @@ bool tcs_member_string(tcs_request *request, const cJSON *body, const char *name
   const cJSON *item = cJSON_GetObjectItemCaseSensitive(body, name);
   *value = cJSON_GetStringValue(item);
   if (*value || (!item && !required)) return true;
-  refuse_member(request, name, item ? "a string is wanted" : "is missing");
+  refuse_member(request, name, item ? "a string expected" : "is missing");
   return false;
 }
 
@@ -262,7 +262,7 @@ bool tcs_body_acceptable(tcs_request *request) {
   }
   const int64_t most = body == TCS_BODY_FILE ? limits->upload_bytes : limits->body_bytes;
   if (length && g_ascii_strtoull(length, NULL, 10) > (guint64)most) {
-    tcs_reply_problem(request, 413, "limit", "Too large", "the body is over the limit; /v1/about tells it");
+    tcs_reply_problem(request, 413, "limit", "Too large", "the body is over the limit, which /v1/about shows");
     return false;
   }
   return true;

@@ -74,7 +74,7 @@ static bool refuse_head(tcs_strict *s, const tcs_refusal *refusal) {
 
 /* The size of the complete head at the start of `in`; 0: incomplete, or *refusal is set for an invalid byte. */
 static guint find_head(tcs_strict *s, const tcs_refusal **refusal) {
-  static const tcs_refusal line_end = {400, "request", "Bad request", "lines end with CR and LF, together"},
+  static const tcs_refusal line_end = {400, "request", "Bad request", "a line does not end with CR LF"},
                            control = {400, "request", "Bad request", "the head holds a control character"},
                            long_line = {414, "limit", "Too long", "the request line is over the limit"},
                            long_head = {431, "limit", "Too large", "the head is over the limit"};
@@ -119,7 +119,7 @@ static bool read_head(tcs_strict *s) {
 
 static const tcs_refusal bad_chunk = {400, "chunk", "Bad request", "the chunked body is not well formed"};
 static const tcs_refusal long_chunk = {400, "chunk", "Bad request",
-                                       "the chunked body holds too much beside its data, or a chunk too large"};
+                                       "the chunked body has a chunk that is too large, or too much beside its data"};
 
 /* The length of the line at the start of `in`, without its CRLF; -1: incomplete; -2: invalid. */
 static int find_line(tcs_strict *s) {

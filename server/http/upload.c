@@ -156,7 +156,7 @@ void tcs_upload_write(tcs_request *request, const void *bytes, size_t size) {
   GError *error = NULL;
   if (upload->bytes + (int64_t)size > upload->server->config->limits.upload_bytes) {
     drop(upload);
-    tcs_reply_problem(request, 413, "limit", "Too large", "the upload is over the limit; /v1/about tells it");
+    tcs_reply_problem(request, 413, "limit", "Too large", "the upload is over the limit, which /v1/about shows");
     return;
   }
   if (!tcs_spooled_grow(upload->file, (int64_t)size, &error)) {
@@ -202,7 +202,7 @@ void tcs_uploads_tick(tcs_server *server, int64_t now_us) {
     if (rate < (double)limits->upload_rate) {
       tcs_request *request = upload->request;
       drop(upload);
-      tcs_reply_problem(request, 408, "slow", "Too slow", "the upload is slower than the least rate; /v1/about has it");
+      tcs_reply_problem(request, 408, "slow", "Too slow", "the upload is slower than the minimum rate, which /v1/about shows");
       tcs_http_cut(request);
     }
   }

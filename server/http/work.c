@@ -52,7 +52,7 @@ bool tcs_work_start(tcs_request *request, tcs_worker *worker, tcs_work *work, in
   work->worker = worker;
   work->request = request;
   if (!tcs_worker_offer(worker, &work->task, most)) {
-    tcs_reply_problem(request, 503, "busy", "Busy", "too many questions are waiting; try again in a moment");
+    tcs_reply_problem(request, 503, "busy", "Busy", "too many requests are waiting; try again in a moment");
     tcs_reply_header(request, "Retry-After", "1");
     free_work(work);
     return false;

@@ -149,7 +149,7 @@ static void classes(GString *out, const tcs_metrics *m) {
                            m->classes[i].seconds);
   class_counter(out, m, "slices_total", "Slices of render time.", offsetof(tcs_class_metrics, slices));
   class_counter(out, m, "pauses_total", "Slices that ended before their picture.", offsetof(tcs_class_metrics, pauses));
-  class_counter(out, m, "preemptions_total", "Pauses for a class that comes first.",
+  class_counter(out, m, "preemptions_total", "Pauses in favour of a class of higher priority.",
                 offsetof(tcs_class_metrics, preempted));
 }
 
@@ -206,12 +206,12 @@ char *tcs_metrics_write(tcs_metrics *m, const tcs_gauges *gauges, const char *ba
   gauge(out, "volumes_loading", "Volumes being loaded.", gauges->volumes_loading);
   gauge(out, "volume_resident_bytes", "Voxel bytes in memory.", (double)gauges->volume_bytes);
   gauge(out, "render_queue_length", "Stateless renders waiting.", gauges->queued);
-  head(out, "work_queue_length", "gauge", "Questions that wait for a worker.");
+  head(out, "work_queue_length", "gauge", "Requests for rays and picks that wait for a worker.");
   g_string_append_printf(out,
                          "tomocast_work_queue_length{worker=\"probe\"} %d\ntomocast_work_queue_length{worker=\"walk\"} "
                          "%d\ntomocast_work_queue_length{worker=\"text\"} %d\n",
                          gauges->probes, gauges->walks, gauges->texts);
-  counter(out, "work_dropped_total", "Questions whose clients left before they were begun.", m->works_dropped);
+  counter(out, "work_dropped_total", "Requests for rays and picks dropped because their client left before they began.", m->works_dropped);
   loop_and_log(out, m);
   memory(out, gauges);
   gauge(out, "process_resident_memory_bytes", "Resident set size of the process.",

@@ -92,7 +92,7 @@ bool tcs_labels_check(const tc_volume *volume, const tc_volume *labels, GError *
   if (!same_grid(volume, labels) && !same_box(volume, labels)) {
     tc_set_error(
         error, TC_ERROR_CONFLICT, pointer,
-        "labels/volume: its voxels lie elsewhere than the volume's: choose labels made for this volume, or set "
+        "labels/volume: its voxels are not on the volume's grid: choose labels made for this volume, or set "
         "labels.force");
     return false;
   }

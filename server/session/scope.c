@@ -11,12 +11,12 @@ static bool brings_volume(const tcs_session *session, const cJSON *patch) {
 const char *tcs_patch_forbidden(const tcs_caller *caller, const tcs_session *session, const cJSON *patch) {
   if (caller->role < TCS_ROLE_EDIT) return "changing the scene needs the role edit; yours is view";
   if (caller->session[0] && brings_volume(session, patch))
-    return "labels.volume: a link to one session brings no other volume into it";
+    return "labels.volume: a share link cannot bring another volume into its session";
   return NULL;
 }
 
 const char *tcs_show_forbidden(const tcs_caller *caller, const tcs_session *session, const tcs_entry *entry) {
   const bool related = entry && (entry == session->entry || (entry->series && entry->series == session->entry->series));
-  if (caller->session[0] && !related) return "volume: a link to one session brings no volume of another file into it";
+  if (caller->session[0] && !related) return "volume: a share link cannot bring a volume of another file into its session";
   return NULL;
 }

@@ -395,7 +395,7 @@ void tcs_streams_tick(tcs_streams *streams, int64_t now_us) {
     if (silent || closing_late || blocked) {
       die(stream);
     } else if (!stream->closing_us && !tcs_access_lasts(streams->server->access, &stream->caller)) {
-      tcs_channel_close(stream->channel, 1008, "the token or link is not good any more");
+      tcs_channel_close(stream->channel, 1008, "the token or link is no longer valid");
       settle(stream);
     } else if (stream->extra->len && !stream->hello) {
       read_some(stream); /* bytes held back while answers were queued; epoll does not report them */

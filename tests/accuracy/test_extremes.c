@@ -355,7 +355,7 @@ static void refused(const char *pointer, const tc_volume *volume, const tc_scene
       fail_msg("%s: %s is taken", test_names[i], pointer);
     const char *named = tc_error_pointer(error) ? tc_error_pointer(error) : "nothing";
     if (strcmp(named, pointer) || (error->code != TC_ERROR_INVALID && error->code != TC_ERROR_LIMIT))
-      fail_msg("%s: %s wanted, got %d %s: %s", test_names[i], pointer, error->code, named, error->message);
+      fail_msg("%s: %s expected, got %d %s: %s", test_names[i], pointer, error->code, named, error->message);
     g_clear_error(&error);
   }
 }

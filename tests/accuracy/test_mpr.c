@@ -279,7 +279,7 @@ static void check_slice(int m, tc_volume *volume, const tc_scene *scene, tally *
     double want = where ? grey_of(scene, value_at(volume, index)) : 0, off = 0;
     for (int c = 0; c < 3; c++) off = fmax(off, fabs(got[4 * i + c] - want));
     if (off > allowed(m) || got[4 * i + 3] != where)
-      fail_msg("%s: pixel %d,%d: %g (opacity %g), wanted %g (%d)", test_names[m], i % WIDTH, i / WIDTH, got[4 * i],
+      fail_msg("%s: pixel %d,%d: %g (opacity %g), expected %g (%d)", test_names[m], i % WIDTH, i / WIDTH, got[4 * i],
                got[4 * i + 3], want, where);
     t->worst = fmax(t->worst, off);
     t->seen += where == 1, t->empty += where == 0;
@@ -406,7 +406,7 @@ static double check_slab(int m, tc_volume *volume, const tc_scene *scene, double
     worst = fmax(worst, off);
     seen++;
     if (off > allowed || got[4 * i + 3] != 1)
-      fail_msg("%s: pixel %d,%d: %g (opacity %g), wanted %g over %g..%g mm", test_names[m], i % WIDTH, i / WIDTH,
+      fail_msg("%s: pixel %d,%d: %g (opacity %g), expected %g over %g..%g mm", test_names[m], i % WIDTH, i / WIDTH,
                got[4 * i], got[4 * i + 3], want, span[0], span[1]);
   }
   if (seen < 20) fail_msg("only %zu pixels of the slab seen", seen);
@@ -476,7 +476,7 @@ TEST(columns_of_voxels) {
           double want = projection == TC_SLAB_MIP ? most : projection == TC_SLAB_MINIP ? least : sum / 10;
           double grey = got[4 * (y * 19 + x)];
           if (fabs(grey - want / 255) > fmax(allowed(m), 1e-3))
-            fail_msg("%s: column %d,%d shows %g, wanted %g", test_names[m], x, y, grey * 255, want);
+            fail_msg("%s: column %d,%d shows %g, expected %g", test_names[m], x, y, grey * 255, want);
         }
     }
 }
@@ -577,7 +577,7 @@ TEST(clipping_cuts_slices) {
         for (int z = 0; z < 3 && rim > 0; z++) /* straight volume: LPS is index */
           sum += (z == 1 ? 0.5 : 0.25) * value_at(volume, (double[3]){lps[0], lps[1], slab ? 5 + z : 5});
         if (got[4 * i + 3] != (rim > 0) || fabs(got[4 * i] - sum / 255) > fmax(allowed(m), 1e-3))
-          fail_msg("%s, slab %d: pixel %d,%d: %g (opacity %g), wanted %g", test_names[m], slab, i % WIDTH, i / WIDTH,
+          fail_msg("%s, slab %d: pixel %d,%d: %g (opacity %g), expected %g", test_names[m], slab, i % WIDTH, i / WIDTH,
                    got[4 * i], got[4 * i + 3], sum / 255);
         seen += rim > 0;
       }

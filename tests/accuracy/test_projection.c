@@ -146,7 +146,7 @@ TEST(closed_forms) {
           double c = want[m], expected = linear ? pow((c + 0.055) / 1.055, 2.4) : c;
           for (int p = 0; p < 35; p++) {
             if (fabs((double)frame->linear[4 * p] - expected) > 2e-6)
-              fail_msg("%s %s step %g: %g, wanted %g", tc_mode_names[modes[m]], test_names[i], step,
+              fail_msg("%s %s step %g: %g, expected %g", tc_mode_names[modes[m]], test_names[i], step,
                        (double)frame->linear[4 * p], expected);
             /* Through linear light and back a grey is the display value that the window made. */
             assert_true(abs(frame->rgba[4 * p] - (int)(c * 255 + 0.5)) <= linear);
@@ -213,7 +213,7 @@ TEST(constants_and_extreme_windows) {
           check_sane("constant", frame);
           const float *c = frame->linear + 4 * (4 * 9 + 4);
           if (fabs((double)c[0] - windows[w].grey) > 2e-6)
-            fail_msg("window %g/%g %s %s: %g, wanted %g", windows[w].center, windows[w].width, tc_mode_names[modes[m]],
+            fail_msg("window %g/%g %s %s: %g, expected %g", windows[w].center, windows[w].width, tc_mode_names[modes[m]],
                      test_names[i], (double)c[0], windows[w].grey);
         }
 }

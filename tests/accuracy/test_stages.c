@@ -118,7 +118,7 @@ TEST_WITH(stages_are_what_the_scene_needs, NULL, NULL) {
     list(&plan, in, sizeof in);
     assert_true((b->frame.stats.gradients > 0) == plan.stages[TC_STAGE_GRADIENT].included);
     if (!strcmp(in, scenes[i].in)) continue;
-    printf("    {\"%s\", \"%s\"},\n      wanted \"%s\"\n", scenes[i].scene, in, scenes[i].in);
+    printf("    {\"%s\", \"%s\"},\n      expected \"%s\"\n", scenes[i].scene, in, scenes[i].in);
     wrong++;
   }
   assert_int_equal(wrong, 0);

@@ -170,7 +170,7 @@ static inline double voxel(const tc_volume *volume, size_t index) {
 
 static inline void check_near(const double *got, const double *wanted, int n, double eps) {
   for (int i = 0; i < n; i++) {
-    if (!(fabs(got[i] - wanted[i]) <= eps)) print_error("value %d: %.12g, wanted %.12g\n", i, got[i], wanted[i]);
+    if (!(fabs(got[i] - wanted[i]) <= eps)) print_error("value %d: %.12g, expected %.12g\n", i, got[i], wanted[i]);
     assert_true(fabs(got[i] - wanted[i]) <= eps);
   }
 }

@@ -68,7 +68,7 @@ static bool same(float x, float y) {
 }
 
 #define FAIL(name, k, a, b, c, got, wanted)                                                                           \
-  fail_msg("%s lane %d: a %a b %a c %a: %a, wanted %a", name, k, (double)(a), (double)(b), (double)(c), (double)(got), (double)(wanted))
+  fail_msg("%s lane %d: a %a b %a c %a: %a, expected %a", name, k, (double)(a), (double)(b), (double)(c), (double)(got), (double)(wanted))
 
 #define UNARY(name, meaning)                                                                                          \
   for (int k = 0; k < V_LANES; k++) {                                                                                 \

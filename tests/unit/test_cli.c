@@ -40,7 +40,7 @@ static outcome run(const char *const *words) {
 
 /* Exit code, nothing on stdout, one line on stderr that holds `words`. */
 static void refuse(outcome o, int code, const char *words) {
-  if (o.code != code) fail_msg("exit code %d, wanted %d: %s", o.code, code, o.err);
+  if (o.code != code) fail_msg("exit code %d, expected %d: %s", o.code, code, o.err);
   if (!strstr(o.err, words)) fail_msg("\"%s\" lacks \"%s\"", o.err, words);
   assert_string_equal(o.out, "");
   assert_true(g_str_has_prefix(o.err, "tomocast"));
@@ -100,14 +100,14 @@ TEST(bad_usage) {
   refuse(run((const char *const[]){NULL}), 2, "known: serve, render, info");
   refuse(RUN("rendr"), 2, "unknown sub-command rendr; known: serve, render, info");
   refuse(RUN("--frobnicate"), 2, "unknown option --frobnicate");
-  refuse(RUN("render"), 2, "one VOLUME is wanted");
-  refuse(RUN("render", "a", "b"), 2, "one VOLUME is wanted");
+  refuse(RUN("render"), 2, "give one VOLUME");
+  refuse(RUN("render", "a", "b"), 2, "give one VOLUME");
   refuse(RUN("render", "--frobnicate", "demo:head"), 2, "--frobnicate");
   refuse(RUN("render", "demo:bucky", "--backend", "cuda"), 2, "auto, cpu or gl");
   refuse(RUN("render", "demo:bucky", "-o", "picture.bmp"), 2, ".png or .jpg");
   refuse(RUN("render", "demo:bucky", "--width", "-5"), 2, "more than 0");
-  refuse(RUN("render", "demo:bucky", "--width", "0"), 2, "--width 0: more than 0 is wanted");
-  refuse(RUN("render", "demo:bucky", "--height", "0"), 2, "--height 0: more than 0 is wanted");
+  refuse(RUN("render", "demo:bucky", "--width", "0"), 2, "--width 0: must be more than 0");
+  refuse(RUN("render", "demo:bucky", "--height", "0"), 2, "--height 0: must be more than 0");
   refuse(RUN("render", "demo:bucky", "--width", "9000"), 2, "at most 8192");
   refuse(RUN("render", "demo:bucky", "--set", "camera.fovY=1e999"), 2, "camera.fovY: 1e999 is too large");
   refuse(RUN("render", "demo:bucky", "--set", "camera.fovY=-1e999"), 2, "camera.fovY: -1e999 is too large");
@@ -115,19 +115,19 @@ TEST(bad_usage) {
   refuse(RUN("render", "demo:bucky", "--set", "camera.fovY"), 2, "key=value");
   refuse(RUN("render", "demo:bucky", "--set", "camera.fov=3"), 2, "did you mean \"fovY\"?");
   refuse(RUN("render", "demo:bucky", "--set", "camera.fovY=200"), 2, "camera.fovY: 200 is too large");
-  refuse(RUN("info"), 2, "one VOLUME is wanted");
-  refuse(RUN("convert", "demo:bucky"), 2, "IN and OUT are wanted");
+  refuse(RUN("info"), 2, "give one VOLUME");
+  refuse(RUN("convert", "demo:bucky"), 2, "give IN and OUT");
   refuse(RUN("convert", "demo:bucky", "b.txt"), 2, "OUT must end in .nrrd");
   refuse(RUN("convert", "demo:bucky", "b.ply"), 2, "--iso V");
   refuse(RUN("convert", "demo:bucky", "b.nrrd", "--iso", "1"), 2, "--iso, --label and --simplify go with");
-  refuse(RUN("convert", "demo:bucky", "b.ply", "--iso", "much"), 2, "a number is wanted");
+  refuse(RUN("convert", "demo:bucky", "b.ply", "--iso", "much"), 2, "a number expected");
   refuse(RUN("convert", "demo:bucky", "b.vmd"), 2, "--threshold LOW,HIGH");
-  refuse(RUN("convert", "demo:bucky", "b.vmd", "--threshold", "1"), 2, "LOW,HIGH wanted");
+  refuse(RUN("convert", "demo:bucky", "b.vmd", "--threshold", "1"), 2, "LOW,HIGH expected");
   refuse(RUN("convert", "demo:bucky", "b.nrrd", "--labels"), 2, "go with .vmd");
   refuse(RUN("convert", "demo:bucky", "b.vmd", "--iso-shell", "1e9"), 1, "no voxel is in that range");
   refuse(RUN("convert", "demo:bucky", "b.ply", "--iso", "1", "--label", "1"), 2, "--iso V, its value, or --label N");
-  refuse(RUN("convert", "demo:bucky", "b.ply", "--label", "0"), 2, "--label: a number of at least 1");
-  refuse(RUN("convert", "demo:bucky", "b.ply", "--label", "1e300"), 2, "--label: a whole number");
+  refuse(RUN("convert", "demo:bucky", "b.ply", "--label", "0"), 2, "--label: must be a number of at least 1");
+  refuse(RUN("convert", "demo:bucky", "b.ply", "--label", "1e300"), 2, "--label: must be a whole number");
   refuse(RUN("convert", "demo:head-labels", "b.ply", "--label", "200"), 1,
          "--label 200: the volume has no voxel of that label");
   refuse(RUN("convert", "demo:bucky", "b.nrrd", "--label", "all"), 2, "--iso, --label and --simplify go with");
@@ -273,7 +273,7 @@ TEST(a_ray_sample_by_sample) {
   cJSON_Delete(json);
   accept(o);
   refuse(RUN("render", "demo:bucky", "--width", "40", "--height", "40", "--ray", "40,0"), 2, "40x40");
-  refuse(RUN("render", "demo:bucky", "--ray", "3"), 2, "X,Y wanted");
+  refuse(RUN("render", "demo:bucky", "--ray", "3"), 2, "must be X,Y");
   refuse(RUN("render", "demo:bucky", "--ray", "1,2", "--set", "mode=mpr"), 1, "mode");
 }
 

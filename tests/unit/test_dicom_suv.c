@@ -15,7 +15,7 @@ static double decayed(double seconds) { return exp(log(2) * seconds / 6586.2); }
 static void check(const tc_dicom_suv *s, double wanted) {
   const char *missing;
   const double factor = tc_dicom_suv_factor(s, &missing);
-  if (!(fabs(factor - wanted) <= 1e-12 * wanted)) fail_msg("%.15g, wanted %.15g (%s)", factor, wanted, missing);
+  if (!(fabs(factor - wanted) <= 1e-12 * wanted)) fail_msg("%.15g, expected %.15g (%s)", factor, wanted, missing);
 }
 
 TEST(factors) {

@@ -4,7 +4,7 @@
 #include "server/bench/difference.h"
 
 static void close_to(const char *what, double got, double wanted, double tolerance) {
-  if (!(fabs(got - wanted) <= tolerance)) fail_msg("%s: %.9g, wanted %.9g within %g", what, got, wanted, tolerance);
+  if (!(fabs(got - wanted) <= tolerance)) fail_msg("%s: %.9g, expected %.9g within %g", what, got, wanted, tolerance);
 }
 
 /* The supplementary pairs of Sharma, Wu and Dalal, 2005: they sit on every discontinuity of the formula. */

@@ -189,7 +189,7 @@ TEST(bad_headers) {
       {SIZES TYPE "TransformMatrix = 1 0 0 1 0 0 0 0 1\n" DATA, TC_ERROR_FORMAT, "not independent"},
       {SIZES TYPE "CompressedData = True\n" DATA, TC_ERROR_FORMAT, "damaged"},
       {SIZES TYPE "BinaryData = False\n" DATA, TC_ERROR_FORMAT, "cut short"},
-      {SIZES "what is this\n" TYPE DATA, TC_ERROR_FORMAT, "header line 4: KEY = VALUE wanted"},
+      {SIZES "what is this\n" TYPE DATA, TC_ERROR_FORMAT, "header line 4: KEY = VALUE expected"},
       {SIZES TYPE "ElementDataFile = gone.raw\n", TC_ERROR_FORMAT, "'gone.raw': missing"},
       {SIZES TYPE "ElementDataFile = \n", TC_ERROR_FORMAT, "beside"},
   };

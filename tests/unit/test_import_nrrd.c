@@ -116,7 +116,7 @@ TEST(data_spread_over_files) {
   assert_true(voxel(v, 0) == 4 * nx * ny && voxel(v, count - 1) == nx * ny - 1);
   tc_volume_unref(v);
   write_nrrd("p.nhdr", U8_HEADER "data file: s%03d.raw 1 4 1\n", NULL);
-  open_bad("p.nhdr", TC_ERROR_FORMAT, "5 files wanted for these sizes, got 4");
+  open_bad("p.nhdr", TC_ERROR_FORMAT, "5 files expected for these sizes, got 4");
   write_nrrd("p.nhdr", U8_HEADER "data file: s%03d.raw 2 6 1\n", NULL);
   open_bad("p.nhdr", TC_ERROR_FORMAT, "'s006.raw': missing");
   write_nrrd("p.nhdr", U8_HEADER "data file: s%s.raw 1 5 1\n", NULL);
@@ -327,8 +327,8 @@ TEST(bad_headers) {
       {TYPE RAW "dimension: 3\n", TC_ERROR_FORMAT, "sizes: missing"},
       {TYPE RAW "dimension: 0\nsizes: 3\n", TC_ERROR_FORMAT, "header line 5: dimension: a number from 1 to 16"},
       {TYPE RAW "dimension: 99999999999999999999\nsizes: 3\n", TC_ERROR_FORMAT, "dimension"},
-      {TYPE RAW "dimension: 3\nsizes: 3 4\n", TC_ERROR_FORMAT, "header line 6: sizes: 3 values wanted, got 2"},
-      {TYPE RAW "dimension: 3\nsizes: 3 4 5 6\n", TC_ERROR_FORMAT, "sizes: 3 values wanted, got 4"},
+      {TYPE RAW "dimension: 3\nsizes: 3 4\n", TC_ERROR_FORMAT, "header line 6: sizes: 3 values expected, got 2"},
+      {TYPE RAW "dimension: 3\nsizes: 3 4 5 6\n", TC_ERROR_FORMAT, "sizes: 3 values expected, got 4"},
       {TYPE RAW "dimension: 3\nsizes: 3 x 5\n", TC_ERROR_FORMAT, "sizes"},
       {TYPE RAW "dimension: 3\nsizes: 3 -4 5\n", TC_ERROR_FORMAT, "value 2 is -4"},
       {TYPE RAW "dimension: 3\nsizes: 3 4.5 5\n", TC_ERROR_FORMAT, "value 2 is 4.5"},
@@ -337,14 +337,14 @@ TEST(bad_headers) {
       {TYPE RAW "dimension: 1\nsizes: 60\n", TC_ERROR_UNSUPPORTED, "a volume has 3"},
       {TYPE RAW "dimension: 3\nsizes: 30 40 50\n", TC_ERROR_FORMAT, "60 of 60000 bytes"},
       {"type: block\n" RAW DIMS, TC_ERROR_UNSUPPORTED, "'block' is not read"},
-      {"type: short\n" RAW DIMS, TC_ERROR_FORMAT, "endian: little or big wanted"},
+      {"type: short\n" RAW DIMS, TC_ERROR_FORMAT, "endian: little or big expected"},
       {TYPE DIMS "encoding: zstd\n", TC_ERROR_UNSUPPORTED, "encoding: not read"},
       {TYPE DIMS "encoding: gzip\n", TC_ERROR_FORMAT, "damaged"},
       {TYPE DIMS "encoding: bzip2\n", TC_ERROR_FORMAT, "damaged"},
       {TYPE DIMS "encoding: ascii\n", TC_ERROR_FORMAT, "cut short"},
       {TYPE DIMS "encoding: hex\n", TC_ERROR_FORMAT, "cut short"},
       {TYPE TYPE DIMS RAW, TC_ERROR_FORMAT, "line 4: type: given twice, first on line 3"},
-      {TYPE DIMS RAW "what is this\n", TC_ERROR_FORMAT, "line 7: FIELD: VALUE wanted"},
+      {TYPE DIMS RAW "what is this\n", TC_ERROR_FORMAT, "line 7: FIELD: VALUE expected"},
       {TYPE DIMS RAW "space: somewhere\n", TC_ERROR_UNSUPPORTED, "space"},
       {TYPE DIMS RAW "space directions: (1,0,0) (0,1,0) (0,0,1)\n", TC_ERROR_FORMAT, "without a space"},
       {TYPE DIMS RAW "space: LPS\nspace directions: (1,0,0) (0,1,0)\n", TC_ERROR_FORMAT, "value 3: a vector of 3"},
@@ -355,7 +355,7 @@ TEST(bad_headers) {
       {TYPE DIMS RAW "space: LPS\nspace origin: (1,2,inf)\n", TC_ERROR_FORMAT, "space origin"},
       {TYPE DIMS RAW "space: LPS\nspace origin: 1 2 3\n", TC_ERROR_FORMAT, "space origin"},
       {TYPE DIMS RAW "spacings: 1 0 1\n", TC_ERROR_FORMAT, "spacings"},
-      {TYPE DIMS RAW "kinds: domain domain\n", TC_ERROR_FORMAT, "kinds: 3 values wanted, got 2"},
+      {TYPE DIMS RAW "kinds: domain domain\n", TC_ERROR_FORMAT, "kinds: 3 values expected, got 2"},
       {TYPE DIMS RAW "kinds: HSV-color domain domain\n", TC_ERROR_UNSUPPORTED, "kind of colour"},
       {TYPE RAW "dimension: 4\nsizes: 5 3 4 1\nkinds: RGB-color domain domain domain\n", TC_ERROR_FORMAT,
        "colour axis"},

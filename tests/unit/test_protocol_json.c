@@ -51,7 +51,7 @@ TEST(says_line_and_column) {
   for (size_t i = 0; i < G_N_ELEMENTS(cases); i++) {
     g_autoptr(GError) error = NULL;
     assert_null(tcp_json_parse(cases[i].text, strlen(cases[i].text), &error));
-    if (!strstr(error->message, cases[i].place)) fail_msg("%s: wanted %s", error->message, cases[i].place);
+    if (!strstr(error->message, cases[i].place)) fail_msg("%s: expected %s", error->message, cases[i].place);
   }
 }
 

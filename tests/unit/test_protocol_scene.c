@@ -123,7 +123,7 @@ TEST_WITH(refuses_values, set_up, tear_down) {
     const char *text, *pointer, *words;
   } cases[] = {
       {"{\"mode\":\"mpi\"}", "/mode", "did you mean \"mip\""},
-      {"{\"mode\":3}", "/mode", "a string is wanted, not a number"},
+      {"{\"mode\":3}", "/mode", "a string expected, not a number"},
       {"{\"image\":{\"width\":0}}", "/image/width", "at least 1"},
       {"{\"image\":{\"width\":1.5}}", "/image/width", "whole number"},
       {"{\"image\":{\"quality\":101}}", "/image/quality", "at most 100"},
@@ -131,7 +131,7 @@ TEST_WITH(refuses_values, set_up, tear_down) {
       {"{\"image\":{\"background\":[0,0]}}", "/image/background", "3 numbers"},
       {"{\"image\":{\"background\":[0,0,1.1]}}", "/image/background/2", "too large"},
       {"{\"image\":{\"background\":\"transparent\"}}", "/image/background", "png"},
-      {"{\"image\":[]}", "/image", "an object is wanted, not an array"},
+      {"{\"image\":[]}", "/image", "an object expected, not an array"},
       {"{\"camera\":{\"fovY\":180}}", "/camera/fovY", "less than 180 degrees"},
       {"{\"camera\":{\"fovY\":0}}", "/camera/fovY", "more than 0"},
       {"{\"camera\":{\"position\":[0,0,1e10]}}", "/camera/position/2", "too large"},
@@ -145,7 +145,7 @@ TEST_WITH(refuses_values, set_up, tear_down) {
       {"{\"sampling\":{\"step\":-1}}", "/sampling/step", "too small"},
       {"{\"sampling\":{\"raysPerPixel\":0}}", "/sampling/raysPerPixel", "too small"},
       {"{\"sampling\":{\"termination\":1.5}}", "/sampling/termination", "too large"},
-      {"{\"sampling\":{\"jitter\":1}}", "/sampling/jitter", "true or false is wanted"},
+      {"{\"sampling\":{\"jitter\":1}}", "/sampling/jitter", "true or false expected"},
       {"{\"shading\":{\"light\":[0,0,0]}}", "/shading/light", "no direction"},
       {"{\"shading\":{\"light\":\"sun\"}}", "/shading/light", "camera"},
       {"{\"clip\":{\"box\":[[0,0,0]]}}", "/clip/box", "two corners"},

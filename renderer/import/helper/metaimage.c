@@ -76,7 +76,7 @@ static bool is_true(const char *text) { return g_ascii_toupper(text[0]) == 'T' |
 
 static void complain(GError **error, const char *key, const char *value, const char *wanted) {
   char *quoted = tc_text_quote(value);
-  tc_set_error(error, TC_ERROR_FORMAT, NULL, "%s = %s: %s wanted", key, quoted, wanted);
+  tc_set_error(error, TC_ERROR_FORMAT, NULL, "%s = %s: %s expected", key, quoted, wanted);
   g_free(quoted);
 }
 
@@ -143,7 +143,7 @@ static bool parse(meta_header *h, tc_reader *r, GError **error) {
     if (split_line(line, &key, &value)) {
       ok = set_key(h, key, value, error);
     } else if (*g_strstrip(line) != '\0') {
-      tc_set_error(error, TC_ERROR_FORMAT, NULL, "KEY = VALUE wanted");
+      tc_set_error(error, TC_ERROR_FORMAT, NULL, "KEY = VALUE expected");
       ok = false;
     }
     if (!ok) g_prefix_error(error, "header line %d: ", number);
@@ -171,14 +171,14 @@ static bool probe(const uint8_t *head, size_t size) {
 static bool set_dims(tc_raster *raster, const meta_header *h, GError **error) {
   if (h->n_dims < 2 || h->n_dims > max_dims || h->n_sizes != h->n_dims) {
     tc_set_error(error, TC_ERROR_FORMAT, NULL,
-                 "NDims is %" G_GINT64_FORMAT " with %d sizes in DimSize: 2 to %d wanted, one size each", h->n_dims,
+                 "NDims is %" G_GINT64_FORMAT " with %d sizes in DimSize: 2 to %d expected, one size each", h->n_dims,
                  h->n_sizes, max_dims);
     return false;
   }
   for (int i = 0; i < h->n_dims; i++) {
     double size = h->sizes[i];
     if (!(size >= 1 && size <= INT32_MAX) || size != floor(size)) {
-      tc_set_error(error, TC_ERROR_FORMAT, NULL, "DimSize: size %d is %g, a whole number from 1 on wanted", i + 1,
+      tc_set_error(error, TC_ERROR_FORMAT, NULL, "DimSize: size %d is %g, a whole number from 1 on expected", i + 1,
                    size);
       return false;
     }

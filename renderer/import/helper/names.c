@@ -78,7 +78,7 @@ bool tc_names_from_pattern(const char *text, GPtrArray *names, int64_t *rest, GE
   int count = words[0] && words[1] ? tc_text_numbers(words[1], range, 4) : -1;
   bool ok = false;
   if (count < 3 || count > 4 || !split(words[0], &p)) {
-    tc_set_error(error, TC_ERROR_FORMAT, NULL, "data file pattern: NAME%%d FIRST LAST STEP wanted");
+    tc_set_error(error, TC_ERROR_FORMAT, NULL, "data file pattern: NAME%%d FIRST LAST STEP expected");
   } else {
     ok = expand(&p, range, names, error);
     if (rest) *rest = count == 4 && range[3] >= 1 && range[3] <= 16 ? (int64_t)range[3] : -1;

@@ -141,7 +141,7 @@ static bool parse(nifti_header *h, const uint8_t *head, size_t size, GError **er
   h->analyze = h->version == 0 && is_analyze(head, size, &h->big_endian);
   if (h->analyze) h->version = 1, h->paired = true;
   if (h->version == 0) {
-    tc_set_error(error, TC_ERROR_FORMAT, NULL, "no NIfTI header (magic n+1, ni1 or n+2 wanted)");
+    tc_set_error(error, TC_ERROR_FORMAT, NULL, "no NIfTI header (magic n+1, ni1 or n+2 expected)");
     return false;
   }
   tc_reader r;
@@ -167,13 +167,13 @@ static bool set_dims(tc_raster *raster, const nifti_header *h, GError **error) {
     return false;
   }
   if (n < 2 || n > 7) {
-    tc_set_error(error, TC_ERROR_FORMAT, NULL, "dim[0] is %" G_GINT64_FORMAT ": 2 to 7 dimensions wanted", n);
+    tc_set_error(error, TC_ERROR_FORMAT, NULL, "dim[0] is %" G_GINT64_FORMAT ": 2 to 7 dimensions expected", n);
     return false;
   }
   for (int i = 1; i <= n; i++) {
     int64_t size = i > 3 && h->dim[i] == 0 ? 1 : h->dim[i];
     if (size < 1 || size > INT32_MAX) {
-      tc_set_error(error, TC_ERROR_FORMAT, NULL, "dim[%d] is %" G_GINT64_FORMAT ": a size of 1 or more wanted", i,
+      tc_set_error(error, TC_ERROR_FORMAT, NULL, "dim[%d] is %" G_GINT64_FORMAT ": a size of 1 or more expected", i,
                    size);
       return false;
     }
@@ -325,7 +325,7 @@ static bool set_offset(tc_raster *raster, const nifti_header *h, tc_encoding pac
   double least = h->paired ? 0 : h->version == 1 ? header1_size + 4 : header2_size + 4, offset = h->vox_offset;
   if (offset == 0 && !h->paired) offset = least; /* common in careless writers */
   if (!(offset >= least) || offset > 1e15 || offset != floor(offset)) {
-    tc_set_error(error, TC_ERROR_FORMAT, NULL, "vox_offset %g: a whole number from %g on wanted", h->vox_offset, least);
+    tc_set_error(error, TC_ERROR_FORMAT, NULL, "vox_offset %g: a whole number from %g on expected", h->vox_offset, least);
     return false;
   }
   raster->data.encoding = packing;

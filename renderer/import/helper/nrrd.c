@@ -96,7 +96,7 @@ static void take_pair(tc_nrrd_header *h, const char *key, const char *value) {
 static bool take_line(tc_nrrd_header *h, char *line, int number, GError **error) {
   char *colon = strchr(line, ':');
   if (!colon) {
-    tc_set_error(error, TC_ERROR_FORMAT, NULL, "header line %d: FIELD: VALUE wanted", number);
+    tc_set_error(error, TC_ERROR_FORMAT, NULL, "header line %d: FIELD: VALUE expected", number);
     return false;
   }
   *colon = '\0';
@@ -193,18 +193,18 @@ static bool set_sizes(tc_nrrd_header *h, GError **error) {
   double sizes[tc_nrrd_max_dims];
   if (!want_field(h, NRRD_DIMENSION, error) || !want_field(h, NRRD_SIZES, error)) return false;
   if (!tc_text_integer(h->fields[NRRD_DIMENSION], 1, tc_nrrd_max_dims, &dimension)) {
-    tc_nrrd_error(h, NRRD_DIMENSION, TC_ERROR_FORMAT, error, "a number from 1 to %d wanted", tc_nrrd_max_dims);
+    tc_nrrd_error(h, NRRD_DIMENSION, TC_ERROR_FORMAT, error, "a number from 1 to %d expected", tc_nrrd_max_dims);
     return false;
   }
   h->dimension = (int)dimension;
   int got = tc_text_numbers(h->fields[NRRD_SIZES], sizes, tc_nrrd_max_dims);
   if (got != h->dimension) {
-    tc_nrrd_error(h, NRRD_SIZES, TC_ERROR_FORMAT, error, "%d values wanted, got %d", h->dimension, MAX(got, 0));
+    tc_nrrd_error(h, NRRD_SIZES, TC_ERROR_FORMAT, error, "%d values expected, got %d", h->dimension, MAX(got, 0));
     return false;
   }
   for (int i = 0; i < got; i++) {
     if (!(sizes[i] >= 1 && sizes[i] <= INT32_MAX) || sizes[i] != (int32_t)sizes[i]) {
-      tc_nrrd_error(h, NRRD_SIZES, TC_ERROR_FORMAT, error, "value %d is %g, a whole number from 1 on wanted", i + 1,
+      tc_nrrd_error(h, NRRD_SIZES, TC_ERROR_FORMAT, error, "value %d is %g, a whole number from 1 on expected", i + 1,
                     sizes[i]);
       return false;
     }
@@ -263,7 +263,7 @@ static bool set_encoding(tc_raster *raster, const tc_nrrd_header *h, GError **er
   raster->big_endian = endian && g_ascii_strcasecmp(endian, "big") == 0;
   bool matters = tc_element_size(raster->element) > 1 && known[i].encoding != TC_ENCODING_TEXT;
   if (!matters || little || raster->big_endian) return true;
-  tc_nrrd_error(h, NRRD_ENDIAN, TC_ERROR_FORMAT, error, "little or big wanted for %s voxels",
+  tc_nrrd_error(h, NRRD_ENDIAN, TC_ERROR_FORMAT, error, "little or big expected for %s voxels",
                 tc_element_name(raster->element));
   return false;
 }
@@ -272,11 +272,11 @@ static bool set_skips(tc_raster *raster, const tc_nrrd_header *h, GError **error
   int64_t lines = 0, bytes = 0;
   const char *line_skip = h->fields[NRRD_LINE_SKIP], *byte_skip = h->fields[NRRD_BYTE_SKIP];
   if (line_skip && !tc_text_integer(line_skip, 0, INT64_MAX, &lines)) {
-    tc_nrrd_error(h, NRRD_LINE_SKIP, TC_ERROR_FORMAT, error, "a number from 0 on wanted");
+    tc_nrrd_error(h, NRRD_LINE_SKIP, TC_ERROR_FORMAT, error, "a number from 0 on expected");
     return false;
   }
   if (byte_skip && !tc_text_integer(byte_skip, -1, INT64_MAX, &bytes)) {
-    tc_nrrd_error(h, NRRD_BYTE_SKIP, TC_ERROR_FORMAT, error, "a number from 0 on wanted, or -1 for data at the end");
+    tc_nrrd_error(h, NRRD_BYTE_SKIP, TC_ERROR_FORMAT, error, "a number from 0 on expected, or -1 for data at the end");
     return false;
   }
   bool text = raster->data.encoding == TC_ENCODING_TEXT || raster->data.encoding == TC_ENCODING_HEX;
@@ -293,7 +293,7 @@ static bool set_names(tc_raster *raster, tc_nrrd_header *h, GError **error) {
   int64_t within = -1;
   if (is_list(value)) {
     if (value[4] != '\0' && !tc_text_integer(value + 4, 1, h->dimension, &within)) {
-      tc_nrrd_error(h, NRRD_DATA_FILE, TC_ERROR_FORMAT, error, "LIST: number of axes per file from 1 to %d wanted",
+      tc_nrrd_error(h, NRRD_DATA_FILE, TC_ERROR_FORMAT, error, "LIST: number of axes per file from 1 to %d expected",
                     h->dimension);
       return false;
     }
@@ -310,7 +310,7 @@ static bool set_names(tc_raster *raster, tc_nrrd_header *h, GError **error) {
   bool slabs = within >= h->dimension && h->sizes[h->dimension - 1] % h->names->len == 0;
   if (files != h->names->len && !slabs) {
     tc_nrrd_error(h, NRRD_DATA_FILE, TC_ERROR_FORMAT, error,
-                  "%" G_GUINT64_FORMAT " files wanted for these sizes, got %u", files, h->names->len);
+                  "%" G_GUINT64_FORMAT " files expected for these sizes, got %u", files, h->names->len);
     return false;
   }
   raster->data.names = g_ptr_array_ref(h->names);

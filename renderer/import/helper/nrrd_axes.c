@@ -30,7 +30,7 @@ static char **words_of(const tc_nrrd_header *h, tc_nrrd_field field, GError **er
   }
   words[n] = NULL;
   if (n == h->dimension) return words;
-  tc_nrrd_error(h, field, TC_ERROR_FORMAT, error, "%d values wanted, got %d", h->dimension, n);
+  tc_nrrd_error(h, field, TC_ERROR_FORMAT, error, "%d values expected, got %d", h->dimension, n);
   g_strfreev(words);
   return NULL;
 }
@@ -41,7 +41,7 @@ static bool numbers_of(const tc_nrrd_header *h, tc_nrrd_field field, double *val
   if (!h->fields[field]) return true;
   int got = tc_text_numbers(h->fields[field], values, tc_nrrd_max_dims);
   if (got == h->dimension) return true;
-  tc_nrrd_error(h, field, TC_ERROR_FORMAT, error, "%d numbers wanted, got %d", h->dimension, MAX(got, 0));
+  tc_nrrd_error(h, field, TC_ERROR_FORMAT, error, "%d numbers expected, got %d", h->dimension, MAX(got, 0));
   return false;
 }
 
@@ -104,7 +104,7 @@ static bool set_space(axes *a, const tc_nrrd_header *h, tc_raster *raster, GErro
   if (dims && !name) {
     int64_t n;
     if (!tc_text_integer(dims, 2, 4, &n)) {
-      tc_nrrd_error(h, NRRD_SPACE_DIMENSION, TC_ERROR_UNSUPPORTED, error, "2, 3 or 4 wanted");
+      tc_nrrd_error(h, NRRD_SPACE_DIMENSION, TC_ERROR_UNSUPPORTED, error, "2, 3 or 4 expected");
       return false;
     }
     a->space_dims = (int)n;
@@ -139,7 +139,7 @@ static bool set_directions(axes *a, const tc_nrrd_header *h, GError **error) {
     a->has_direction[i] = vector_at(&at, a->direction[i], 4) == a->space_dims;
     if (a->has_direction[i]) continue;
     tc_nrrd_error(h, NRRD_SPACE_DIRECTIONS, TC_ERROR_FORMAT, error,
-                  "value %d: a vector of %d numbers or none wanted", i + 1, a->space_dims);
+                  "value %d: a vector of %d numbers or none expected", i + 1, a->space_dims);
     return false;
   }
   if (at && at[strspn(at, " \t")] != '\0') {
@@ -147,7 +147,7 @@ static bool set_directions(axes *a, const tc_nrrd_header *h, GError **error) {
     return false;
   }
   if (!origin || vector_at(&origin, a->origin, 4) == a->space_dims) return true;
-  tc_nrrd_error(h, NRRD_SPACE_ORIGIN, TC_ERROR_FORMAT, error, "a vector of %d numbers wanted", a->space_dims);
+  tc_nrrd_error(h, NRRD_SPACE_ORIGIN, TC_ERROR_FORMAT, error, "a vector of %d numbers expected", a->space_dims);
   return false;
 }
 

@@ -197,7 +197,7 @@ static bool is_uniform(const parrec *p, GError **error) {
         return fail(TC_ERROR_UNSUPPORTED, error,
                     "images of several sizes or orientations, such as localizers: convert them to NIfTI (dcm2niix)");
   if (first->row[BITS] == 8 || first->row[BITS] == 16) return true;
-  return fail(TC_ERROR_UNSUPPORTED, error, "voxels of 8 or 16 bits wanted: convert it to NIfTI (dcm2niix)");
+  return fail(TC_ERROR_UNSUPPORTED, error, "voxels of 8 or 16 bits expected: convert it to NIfTI (dcm2niix)");
 }
 
 /* ---- place in space: Philips' axes are P, S, L ---- */

@@ -72,7 +72,7 @@ static bool read_format(ply *p, char *line, GError **error) {
   p->ascii = strcmp(name, "ascii") == 0;
   p->big = strcmp(name, "binary_big_endian") == 0;
   if (strcmp(version, "1.0") == 0 && (p->ascii || p->big || strcmp(name, "binary_little_endian") == 0)) return true;
-  return bad(p, error, "format: ascii, binary_little_endian or binary_big_endian 1.0 is wanted");
+  return bad(p, error, "format: ascii, binary_little_endian or binary_big_endian 1.0 expected");
 }
 
 static void clear_element(void *item) { g_array_unref(((element *)item)->properties); }
@@ -81,7 +81,7 @@ static bool read_element(ply *p, char *line, GError **error) {
   const char *name = tc_line_word(&line), *number = tc_line_word(&line);
   int64_t n;
   if (p->elements->len == MOST_ELEMENTS) return bad(p, error, "too many elements");
-  if (!tc_text_integer(number, 0, INT64_C(1) << 40, &n)) return bad(p, error, "element: a name and a number are wanted");
+  if (!tc_text_integer(number, 0, INT64_C(1) << 40, &n)) return bad(p, error, "element: a name and a number expected");
   if (n && (!strcmp(name, "tristrips") || !strcmp(name, "tristrip")))
     return bad(p, error, "triangle strips are not read: save the mesh with faces");
   const element e = {.vertices = strcmp(name, "vertex") == 0, .faces = strcmp(name, "face") == 0, .n = (uint64_t)n,
@@ -161,7 +161,7 @@ static bool read_header(ply *p, GError **error) {
   for (char *line; good && !ended && (line = tc_stream_line(&p->stream, &trouble));) {
     char *rest = g_strstrip(line);
     const char *word = tc_line_word(&rest);
-    if (p->stream.line == 1 && strcmp(word, "ply") != 0) good = bad(p, error, "\"ply\" is wanted");
+    if (p->stream.line == 1 && strcmp(word, "ply") != 0) good = bad(p, error, "\"ply\" expected");
     else if (strcmp(word, "format") == 0) good = read_format(p, rest, error);
     else if (strcmp(word, "element") == 0) good = read_element(p, rest, error);
     else if (strcmp(word, "property") == 0) good = read_property(p, rest, error);

@@ -84,6 +84,6 @@ const tc_cpu_isa *tc_cpu_isa_choose(const char *wanted, GError **error) {
     return two ? faster(&isas[i], &isas[i - 1]) : &isas[i];
   }
   tc_set_error(error, TC_ERROR_INVALID, NULL,
-               "instruction set \"%s\" is unknown: scalar, avx2, avx512 or avx512-gather wanted", wanted);
+               "instruction set \"%s\" is unknown: scalar, avx2, avx512 or avx512-gather expected", wanted);
   return NULL;
 }
