@@ -3,7 +3,7 @@
  * cJSON accepts more than JSON (duplicate names, trailing text, numbers that overflow, "\u0000" that cuts a string
  * short), recurses without limit and cannot say where a text is wrong. Therefore a scanner first walks the whole text
  * without building anything, checks the grammar of RFC 8259 and tracks line and column; only valid text reaches cJSON.
- *  */
+ */
 #include <math.h>
 #include <stdlib.h>
 #include <string.h>

@@ -62,7 +62,7 @@ bool tcp_scene_patch(tc_scene *scene, const cJSON *patch, const tc_scene *defaul
 void tcp_scene_light(tc_scene *scene, const cJSON *document);
 
 /* Parses one "--set key=value": key is a dotted path ("camera.fovY"), value is JSON, or else a string. Returns a patch.
- *  */
+ */
 cJSON *tcp_scene_set_expression(const char *expression, GError **error);
 
 /* JSON Schema 2020-12 of a scene, from the table that drives the parser; and the OpenAPI 3.1 document. */

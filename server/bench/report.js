@@ -1,4 +1,4 @@
-// The page of a report, for people: report_scenes.js and report_objects.js make its parts.
+// The page of a report; its parts come from report_scenes.js and report_objects.js.
 'use strict';
 
 const SWEPT_QUICK =

@@ -1,4 +1,4 @@
-// One kind of chart: points and lines over logarithmic axes, as inline SVG. Colours are the page's classes c0..c5.
+// The chart: points and lines over logarithmic axes, as inline SVG. Colours are the page's classes c0..c5.
 'use strict';
 
 const SVG = 'http://www.w3.org/2000/svg';
@@ -12,21 +12,21 @@ function element(namespace, name, attributes, children) {
 const html = (name, attributes, ...children) => element(null, name, attributes, children);
 const svg = (name, attributes, ...children) => element(SVG, name, attributes, children);
 
-// Significant digits without trailing zeros; '-' for what was not measured.
+// Significant digits without trailing zeros; '-' for missing values.
 function digits(value, count = 3) {
   if (!Number.isFinite(value)) return '-';
   const rounded = Number(value.toPrecision(count));
   return rounded !== 0 && Math.abs(rounded) < 1e-3 ? rounded.toExponential() : String(rounded);
 }
 
-// A text of 12 units is still read at a phone's width.
+// 12 units of text stay legible at a phone's width.
 const SIZES = {
   full: { width: 420, height: 290, left: 58, right: 408, top: 10, bottom: 246 },
   small: { width: 240, height: 142, left: 36, right: 236, top: 6, bottom: 110 },
 };
 const drawable = ({ x, y }) => x > 0 && y > 0 && Number.isFinite(x) && Number.isFinite(y);
 
-// The range of log10(value): a margin at both ends, and never less than half a decade in all.
+// The range of log10(value), with margins at both ends, at least half a decade.
 function range(values) {
   const logs = values.map(Math.log10);
   const lo = logs.reduce((a, b) => Math.min(a, b), Infinity);
@@ -35,7 +35,7 @@ function range(values) {
   return { lo: (lo + hi) / 2 - half, hi: (lo + hi) / 2 + half };
 }
 
-// Powers of two where asked; 1, 2 and 5 of each decade where there are few decades; whole decades where there are many.
+// Powers of two for octaves; else 1, 2 and 5 of each decade over few decades, whole decades over many.
 function ticks({ lo, hi }, octaves) {
   const decades = hi - lo;
   const found = [];
@@ -71,7 +71,7 @@ const rounded = (path) => path.replace(/-?\d+\.\d+/g, (number) => Number(number)
 
 function marker(series, x, y, tip) {
   const { color = 0, hollow = false, small = false } = series;
-  const radius = small ? 2.6 : hollow ? 5.2 : 3.6; // a ring lies around the dot of the other back end
+  const radius = small ? 2.6 : hollow ? 5.2 : 3.6; // a ring around the dot of the other back end
   const shape = series.shape ?? color % SHAPES.length;
   const path = { class: `c${color}${hollow || shape === 4 ? ' hollow' : ''}`, d: rounded(SHAPES[shape](x, y, radius)) };
   return svg('path', path, tip ? svg('title', {}, tip) : null);
@@ -145,7 +145,7 @@ function drawSeries(c, series) {
   ];
 }
 
-// What a mark means: a small drawing of it and the name.
+// The legend: a sample of each mark with its name.
 function key(series) {
   const line = { class: `c${series.color} path${series.dashed ? ' dashed' : ''}`, d: 'M0 6H22' };
   const drawing = { class: 'key', viewBox: '0 0 22 12', 'aria-hidden': 'true' };
@@ -158,9 +158,8 @@ function key(series) {
 }
 
 // chart: {title, xLabel, yLabel, octaves, small, guides: [{value, name}], front: [{x, y}] ascending in x, caption,
-// xRange, yRange (from range(); by default those of the points), series: [{name, color, shape, line, dashed, hollow,
-// small, points: [{x, y, low, high, tip}]}]}. Points that a logarithm has no place for are left out; null where none is
-// left.
+// xRange, yRange (from range(); by default that of the points), series: [{name, color, shape, line, dashed, hollow,
+// small, points: [{x, y, low, high, tip}]}]}. Points without a logarithm are left out; null if none is left.
 function drawChart(chart) {
   const points = chart.series.flatMap((series) => series.points.filter(drawable));
   if (points.length === 0) return null;

@@ -1,4 +1,4 @@
-// What report.json says of solid objects: splats, rays and triangles, and how far simplified surfaces are off.
+// The report on solid objects: splats, rays and triangles, and the error of simplified surfaces.
 'use strict';
 
 const WAYS = { splat: 'splats', isosurface: 'ray-cast isosurface', mesh: 'triangles' };
@@ -7,8 +7,8 @@ const percent = (share) => `${digits(100 * share, 2)} %`;
 const fastestOf = (times) => ways.reduce((best, way) => (times[way] < times[best] ? way : best));
 const byFilled = [...objects].sort((a, b) => a.filled - b.filled);
 
-// Where two ways change places as an object fills more of its grid: between two measured objects, on a straight line over
-// logarithms; for the times that were measured, and for those that the plan expects.
+// The share of the grid filled at which two ways are equally fast, interpolated log-linearly between measured objects:
+// for the measured times, and for the plan's estimates.
 function crossings(first, second, member) {
   const ratio = (object) => Math.log(object[member][first] / object[member][second]);
   return byFilled.slice(1).flatMap((right, i) => {
@@ -74,7 +74,7 @@ function objectErrors() {
   });
 }
 
-// The surface of the object in the middle, by ever fewer triangles.
+// The surface of the middle object at decreasing numbers of triangles.
 const simplified = byFilled.filter(({ surface }) => surface);
 const subject = simplified[simplified.length >> 1];
 const meshes = subject?.surface.filter(({ triangles }) => triangles) ?? [];
@@ -140,7 +140,7 @@ function surfaceSection() {
   );
 }
 
-// Rows of cells, each a list of children; on a narrow screen a cell stands under its column's name.
+// Rows of cells, each a list of children; on a narrow screen each cell stands below its column's name.
 function stackedTable(names, rows, attributes) {
   const head = names.map((name) => html('th', {}, name));
   const row = (cells) =>
@@ -176,8 +176,7 @@ function objectTable() {
   return stackedTable(names, byFilled.map(cells));
 }
 
-// Over how much is filled and the picture's size: the faster of splats and rays, by how much, and where the plan names the
-// other.
+// By share filled and picture size: the faster of splats and rays, its factor, and where the plan names the other.
 function sizesTable() {
   const sized = byFilled.map((object) => [...(object.sizes ?? []), object].sort((a, b) => a.size - b.size));
   const cell = ({ ms, expectedMs }) => {

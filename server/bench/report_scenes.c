@@ -1,5 +1,5 @@
 /* The built-in scenes: demo volumes as users see them, and synthetic fields that are smooth, stiff or rough on purpose.
- *  */
+ */
 #include <math.h>
 #include <string.h>
 

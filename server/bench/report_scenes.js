@@ -1,4 +1,4 @@
-// What report.json says of scenes and their settings. Its text stands in the page; nothing is fetched.
+// The report on scenes and their settings. The data is embedded in the page; nothing is fetched.
 'use strict';
 
 const report = JSON.parse(document.getElementById('data').textContent);
@@ -15,7 +15,7 @@ const byKey = new Map(results.map((row) => [`${row.scene}\n${row.key}`, row]));
 const rowOf = (scene, key) => byKey.get(`${scene.name}\n${key}`);
 const rowsOf = (scene) => results.filter((row) => row.scene === scene.name);
 
-// One ray a pixel is judged against pixel centres, more rays against the mean over the pixel's area.
+// Rows with one ray per pixel are compared with pixel centres, others with the mean over the pixel's area.
 const judged = (row, measure) =>
   row[row.raysPerPixel > 1 ? `area${measure[0].toUpperCase()}${measure.slice(1)}` : measure];
 const errorOf = (row) => judged(row, 'rms');
@@ -32,8 +32,7 @@ function titleOf(row) {
   return [...parts, row.backend].join(', ');
 }
 
-// The members of a setting that are varied one at a time, what a row that differs there is called, and the column of
-// the tables it is compared by.
+// The members that are varied one at a time, with the name of a row that differs in one, and the column of its table.
 const CHOICES = [
   {
     name: 'termination',
@@ -98,7 +97,7 @@ const variedIn = (row, name) => {
 const sceneHead = (scene) =>
   html('th', { scope: 'row' }, html('a', { href: `#scene-${scenes.indexOf(scene) + 1}` }, scene.title));
 
-// cell(scene, column) -> nodes. On a phone a table of kind "stack" is stacked cell by cell, a "grid" scrolls sideways.
+// cell(scene, column) -> nodes. On a phone a "stack" table is stacked cell by cell, a "grid" table scrolls sideways.
 function table(kind, columns, cell) {
   const head = html(
     'tr',
@@ -152,7 +151,7 @@ function orders() {
   });
 }
 
-// One choice varied, all scenes: a column a value.
+// Varies one member over all scenes, with a column per value.
 function choiceTable(choice) {
   const base = (row) => row.backend === 'cpu' && row.classification === CLASSIFICATIONS[0] && row.step === 1;
   const varied = results.filter((row) => base(row) && variedIn(row, choice.name));
@@ -174,7 +173,7 @@ function choiceTable(choice) {
 
 const colorOf = ({ classification }) => CLASSIFICATIONS.indexOf(classification);
 
-// Rows in named series, in the order in which the names come.
+// Groups rows into named series, in order of first appearance.
 function inSeries(rows, nameOf, styleOf, pointOf) {
   const all = new Map();
   for (const row of rows) {
@@ -185,7 +184,7 @@ function inSeries(rows, nameOf, styleOf, pointOf) {
   return [...all.values()];
 }
 
-// Another filter is another field with another reference: those rows do not compete.
+// Other filters have other references, so their rows do not compete.
 const competing = (scene) => rowsOf(scene).filter(({ filter }) => filter === 'linear');
 const frontOf = (scene) =>
   scene.summary.front
@@ -250,7 +249,7 @@ const variedRows = (scene, name) =>
     (row) => row.backend === 'cpu' && row.classification === CLASSIFICATIONS[0] && variedIn(row, name),
   );
 
-// Beside the same setting that ends no ray: how far a pixel is from it, and the share of its time.
+// Compared with the same setting without early ray termination: the largest difference and the share of its time.
 function terminationChart(scene) {
   const rows = variedRows(scene, 'termination');
   const whole = (row) =>
@@ -313,7 +312,7 @@ function tableChart(scene) {
 
 // ---- sections ----
 
-// All scenes over the same axes, so that one can be compared with another.
+// All scenes over the same axes, for comparison.
 function overview() {
   const points = scenes.flatMap(competing).map(timePoint).filter(drawable);
   if (points.length === 0) return null;

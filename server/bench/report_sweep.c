@@ -1,5 +1,5 @@
 /* Chooses the settings to measure from the scene's enums and the plan, so that new features are included automatically.
- *  */
+ */
 #include <string.h>
 
 #include "server/bench/report.h"

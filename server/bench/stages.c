@@ -12,7 +12,7 @@ static const char *const names[TCS_STAGES] = {"set-up and resolve",     "travers
                                               "skip structure",         "encode"};
 
 /* The scene with all stages up to this one. nothing: an invisible knot, so that samples are fetched but not classified.
- *  */
+ */
 static tc_scene scene_up_to(tcs_stage stage, const tc_scene *scene, tc_knot nothing[1]) {
   tc_scene s = *scene; /* borrows the lists of *scene */
   s.sampling.termination = 0;

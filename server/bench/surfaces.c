@@ -10,9 +10,7 @@
 #include "server/bench/timing.h"
 
 enum { LEVELS = 7 };
-static const double errors_voxels[LEVELS] = {0,    0.02, 0.05, 0.1,
-                                             0.25, 0.5,  1}; /* of quadrics, over the least spacing
-                                                              *  */
+static const double errors_voxels[LEVELS] = {0, 0.02, 0.05, 0.1, 0.25, 0.5, 1}; /* of quadrics, in voxels */
 
 /* ---- errors ---- */
 

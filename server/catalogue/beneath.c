@@ -12,7 +12,7 @@
 #include <unistd.h>
 
 /* Fallback for kernels and sandboxes without openat2(): opens one component at a time, follows no link, refuses "..".
- *  */
+ */
 static int open_by_steps(int folder_fd, const char *relative) {
   char **parts = g_strsplit(relative, "/", -1);
   int fd = fcntl(folder_fd, F_DUPFD_CLOEXEC, 0);
@@ -138,7 +138,7 @@ static bool has_dicom_mark(int folder_fd, const char *name) {
 
 /* Whether a file is a slice: named *.dcm or as a picture, or without suffix. Only the first file without a suffix in a
  * folder is opened, and decides for all of them. `nameless`: 0 = none seen yet, 1 = they are slices, -1 = they are not.
- *  */
+ */
 static bool is_slice(int folder_fd, const char *name, int *nameless) {
   static const char *const endings[] = {".dcm", ".png", ".tif", ".tiff"};
   for (size_t i = 0; i < G_N_ELEMENTS(endings); i++)

@@ -182,7 +182,7 @@ static void raise_descriptor_limit(void) {
 }
 
 /* Returns freed memory to the system: by default each thread may get its own heap, and freed large blocks stay in it.
- *  */
+ */
 static void keep_heap_small(void) {
 #ifdef M_ARENA_MAX
   mallopt(M_ARENA_MAX, 2);

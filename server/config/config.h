@@ -77,7 +77,7 @@ const tcs_limit_field *tcs_limit_fields(size_t *count);
 void tcs_config_init(tcs_config *config);
 void tcs_config_clear(tcs_config *config);
 /* Fills in limits that were not given: the memory from the machine and its control groups, its parts from the memory.
- *  */
+ */
 void tcs_config_settle(tcs_config *config);
 /* Reads `path` (GKeyFile: [server] and [limits]) into *config, overriding its values. Unknown keys are errors. */
 bool tcs_config_read(tcs_config *config, const char *path, GError **error);

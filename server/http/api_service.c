@@ -100,7 +100,7 @@ static const char *type_of(const char *name) {
 }
 
 /* Whether `asked` is the name without the hash, such as "main.js" for "main.2fb19c8a2c64.js"; serves the current file.
- *  */
+ */
 static bool is_plain_name(const char *asked, const char *name) {
   const char *dot = strchr(name, '.'), *end = strrchr(name, '.');
   const size_t stem = (size_t)(dot - name);

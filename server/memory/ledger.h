@@ -1,5 +1,5 @@
 /* Adapter: the daemon's budget behind the renderer's ledger interface (renderer/base/ledger.h), for one kind of memory.
- *  */
+ */
 #ifndef TCS_MEMORY_LEDGER_H
 #define TCS_MEMORY_LEDGER_H
 

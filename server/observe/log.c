@@ -157,7 +157,7 @@ static uint64_t lines_in(const char *bytes, size_t size) {
 }
 
 /* Takes up to PIECE bytes out of the ring, at most to its wrap; returns their number. The piece may end within a line.
- *  */
+ */
 static size_t take(sink *from, char *piece) {
   size_t size = MIN(MIN(from->used, (size_t)PIECE), TCS_LOG_RING - from->first);
   memcpy(piece, from->ring + from->first, size);

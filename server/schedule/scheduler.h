@@ -2,8 +2,11 @@
  * job whose slice ends while others wait is paused with its frame and resumes at its next turn. Encoding runs in
  * parallel, with a separate encoder for interactive frames. I/O thread only.
  *
- * fair order of the turns: pure job one picture to render client a queue of jobs with an account of render time
- * scheduler slices on the render thread, encoding ladder size of interactive frames: pure */
+ *   fair        order of the turns: pure
+ *   job         one picture to render
+ *   client      a queue of jobs with an account of render time
+ *   scheduler   slices on the render thread, encoding
+ *   ladder      size of interactive frames: pure */
 #ifndef TCS_SCHEDULE_SCHEDULER_H
 #define TCS_SCHEDULE_SCHEDULER_H
 

@@ -13,7 +13,7 @@
 /* Brain atlases have some hundreds of values. */
 #define MOST 1024
 /* Least share of equal neighbours, among pairs that are not both background: almost 1 in labels, 0.1 in a noisy scan.
- *  */
+ */
 #define ALIKE 0.5
 #define SAME_DIRECTION 1e-3
 #define SAME_SPACING 1e-3

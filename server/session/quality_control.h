@@ -11,7 +11,7 @@
 
 tcs_quality *tcs_quality_new(tcs_server *server);
 /* Cancels running measurements. At shutdown: then free the worker, drain its completions, and call tcs_quality_free().
- *  */
+ */
 void tcs_quality_cancel_all(tcs_quality *quality);
 void tcs_quality_free(tcs_quality *quality); /* NULL is fine */
 

@@ -3,13 +3,23 @@
  * The scene is a latest-wins mailbox: all patches of a turn of the loop change it together, and a render takes a
  * snapshot.
  *
- * The files of this folder; each may include those before it: credit flow control of a viewer picture a finished
- * picture view the pictures of one size watcher what a viewer has been shown and still needs session state of a
- * session; the picture it needs next; references to labels and meshes labels_check whether a volume looks like labels
- * samples limits on the work of a picture session_scene scenes made and checked scope permissions of a caller on a
- * scene deliver pictures and errors to the viewers measure the error meter quality_control sampling for a bound on
- * error or time jobs the next picture to render, and the delivery of a finished one change changes of the scene viewers
- * viewers join, send messages and leave sessions all sessions: find, create, end, expire */
+ * The files of this folder; each may include those before it:
+ *   credit     flow control of a viewer
+ *   picture    a finished picture
+ *   view       the pictures of one size
+ *   watcher    what a viewer has been shown and still needs
+ *   session    state of a session; the picture it needs next; references to labels and meshes
+ *   labels_check  whether a volume looks like labels
+ *   samples    limits on the work of a picture
+ *   session_scene  scenes made and checked
+ *   scope      permissions of a caller on a scene
+ *   deliver    pictures and errors to the viewers
+ *   measure    the error meter
+ *   quality_control  sampling for a bound on error or time
+ *   jobs       the next picture to render, and the delivery of a finished one
+ *   change     changes of the scene
+ *   viewers    viewers join, send messages and leave
+ *   sessions   all sessions: find, create, end, expire */
 #ifndef TCS_SESSION_SESSION_H
 #define TCS_SESSION_SESSION_H
 
@@ -70,7 +80,7 @@ void tcs_session_wake(tcs_session *session);
 /* The scene's label volume, or NULL; owned by the session. */
 tc_volume *tcs_session_labels(const tcs_session *session);
 /* After session->scene was set or changed: marks its label volume and meshes as used, and releases the previous ones.
- *  */
+ */
 void tcs_session_pin(tcs_session *session);
 /* Whether an entry is the session's volume, labels or one of its meshes. */
 bool tcs_session_shows(const tcs_session *session, const tcs_entry *entry);

@@ -11,14 +11,14 @@
 
 #define TCS_MAX_MESSAGE 65536
 /* Backpressure: above this many unsent messages nothing more is read, so that a peer that never reads builds no queue.
- *  */
+ */
 #define TCS_MAX_QUEUED 16
 
 typedef struct tcs_channel tcs_channel;
 
 typedef struct tcs_channel_callbacks {
   /* Like recv() and send(): bytes moved, 0 = end of input, -1 with errno EAGAIN = would block, -1 otherwise = broken.
-   *  */
+   */
   ssize_t (*receive)(void *user, uint8_t *bytes, size_t size);
   ssize_t (*send)(void *user, const uint8_t *bytes, size_t size, bool more);
   /* A whole text message, not zero-terminated. */

@@ -20,7 +20,7 @@ typedef struct test_tally {
   double most_ties[RENDERERS]; /* largest share in a picture of 12 or more pixels */
   uint64_t worst[RENDERERS];   /* seed of that picture */
   /* the same counts for pictures of the voxels' last bits (judge.c: shows_last_bits), which are not in the counts above
-   *  */
+   */
   size_t last_compared[RENDERERS], last_ties[RENDERERS];
 } test_tally;
 extern test_tally test_judged;

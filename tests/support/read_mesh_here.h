@@ -63,7 +63,7 @@ static inline bool mesh_is_sound(const tc_mesh *m) {
 }
 
 /* Reads with `read`, a tc_format's function, or NULL: detects the format. Aborts if the mesh differs from its header.
- *  */
+ */
 static inline tc_mesh *read_mesh_here(const void *bytes, size_t size, const char *name,
                                       bool (*read)(const tc_input *, const tc_order *, GError **), uint64_t most_bytes,
                                       int most_asked, tc_mesh_head *head, GError **error) {

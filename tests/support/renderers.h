@@ -19,7 +19,7 @@ int test_renderers_close(void **state);
 int test_widest(void); /* the widest instruction set available */
 
 /* Draws, or fails the test. The frame stays valid until this renderer's next picture. request NULL: only want_linear.
- *  */
+ */
 tc_frame *test_draw(int which, tc_volume *volume, const tc_scene *scene, const tc_render_request *request,
                     tc_explanation *plan);
 
@@ -28,7 +28,7 @@ tc_frame *test_draw(int which, tc_volume *volume, const tc_scene *scene, const t
 int test_resumes(int which, tc_volume *volume, const tc_scene *scene);
 
 /* The reference integrator's picture [4 * width * height] at a tolerance (0: the tightest); caller frees with g_free().
- *  */
+ */
 float *test_reference(tc_volume *volume, const tc_scene *scene, double tolerance);
 
 #endif
