@@ -58,7 +58,7 @@ static bool read_points(tcp_reader *reader, const tcp_member *member, const cJSO
     g_free(knots);
     return false;
   }
-  g_qsort_with_data(knots, count, sizeof *knots, by_value, NULL); /* stable: equal values stay in order, a jump */
+  g_qsort_with_data(knots, count, sizeof *knots, by_value, NULL); /* stable: equal values keep their order, for jumps */
   tc_scene_set_points(reader->scene, knots, (size_t)count);
   tf->kind = kind;
   if (!reader->preset_given) memset(tf->preset, 0, sizeof tf->preset);

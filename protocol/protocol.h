@@ -13,8 +13,8 @@
 #include "renderer/base/error.h"
 #include "renderer/scene/scene.h"
 
-/* Parses strict JSON of `size` bytes: one value, nesting at most 32, finite numbers, valid UTF-8, no duplicate member
- * names, nothing after it. TC_ERROR_SYNTAX says line and column. */
+/* Parses strict JSON of `size` bytes: one value, nesting depth at most 32, finite numbers, valid UTF-8, no duplicate
+ * member names, no trailing text. TC_ERROR_SYNTAX gives line and column. Freed with cJSON_Delete(). */
 cJSON *tcp_json_parse(const char *bytes, size_t size, GError **error);
 
 /* Merge patch, RFC 7396. Changes *target in place (replaces it if patch is not an object). */

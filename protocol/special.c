@@ -12,7 +12,7 @@ static cJSON *vector_schema(const tcp_member *member, int count) {
   return tcp_array_schema(tcp_range_schema(member, "number"), count, count);
 }
 
-/* Either one fixed word or a vector of three. */
+/* Schema of either one fixed word or a vector of three numbers. */
 static cJSON *word_or_vector_schema(const tcp_member *member, const char *word) {
   cJSON *schema = cJSON_CreateObject(), *either = cJSON_CreateArray(), *constant = cJSON_CreateObject();
   tcp_add(constant, "const", cJSON_CreateStringReference(word));
@@ -78,7 +78,7 @@ const tcp_special tcp_special_light = {read_light, write_light, reset_light, lig
 
 /* --- clip --------------------------------------------------------------------------------------- */
 
-/* `count` rows of `width` numbers each. */
+/* Parses `count` rows of `width` numbers each. */
 static bool read_rows(tcp_reader *reader, const tcp_member *member, const cJSON *value, int width, double *rows) {
   int i = 0;
   for (const cJSON *row = value->child; row; row = row->next, i++) {

@@ -157,7 +157,7 @@ export class Opening {
     });
   }
 
-  /** Another volume of the same file is shown. */
+  /** Call when another volume of the same file is shown. */
   another(volume) {
     this.volume = volume;
     this.box = volumeBox(volume);

@@ -41,12 +41,12 @@ const depths = ({ depthRms, depthP99, outline }) =>
 
 const named = ({ label, surface }) => (label ? `label ${label}` : `surface ${surface + 1}`);
 
-/** get(name): the element with id "stat-" + name; badge: the badge over the picture */
+/** A line for each surface that rays hit, if there are several: "surface 2: depth 0.031 mm rms, ..." */
 export function surfaceLines({ surfaces = [] }) {
   return surfaces.length < 2 ? [] : surfaces.map((one) => `${named(one)}: ${depths(one)} (${one.pixels} px)`);
 }
 
-const FEW = 3; // the same picture sent again with its error is not a new one
+const FEW = 3; // surfaces that fit into the line, those with the most pixels first
 
 function surfaceText(error) {
   if (error.depthRms === undefined) return '';
@@ -76,7 +76,7 @@ export class Status {
 
   frame({ header, bytes, roundTripMs }) {
     const now = performance.now();
-    if (!header.error) this.#times.push(now); // a picture that comes again with its error is no new one
+    if (!header.error) this.#times.push(now); // the same picture sent again with its error is not a new one
     while (now - this.#times[0] > FPS_WINDOW_MS) this.#times.shift();
     const { timing = {} } = header;
     this.#set('fps', number(frameRate(this.#times) || undefined));

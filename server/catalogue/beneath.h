@@ -1,4 +1,4 @@
-/* Paths that clients name: confined to the data folder. */
+/* Paths from clients, confined to the data folder. */
 #ifndef TCS_CATALOGUE_BENEATH_H
 #define TCS_CATALOGUE_BENEATH_H
 

@@ -16,7 +16,7 @@ typedef struct tcs_encoder tcs_encoder;
  * program, before any thread. */
 void tcs_encode_prepare_process(void);
 
-/* TC_ERROR_MEMORY or TC_ERROR_INTERNAL on failure. */
+/* TC_ERROR_MEMORY or TC_ERROR_INTERNAL on failure. Free with tcs_encoder_free(). */
 tcs_encoder *tcs_encoder_new(GError **error);
 void tcs_encoder_free(tcs_encoder *encoder); /* NULL is fine */
 
