@@ -140,10 +140,24 @@ static void copy_lines(const lines *l, size_t margin, int16_t beyond) {
            (size_t)l->width * sizeof *l->copy);
 }
 
-/* Smooths rows; beyond the ends is nothing. */
+/* Beyond the ends distances go on as they come there: nothing else is near. */
+static void continue_lines(const lines *l) {
+  const size_t tap = (size_t)l->tap, n = (size_t)l->n * (size_t)l->width;
+  int16_t *first = l->copy + RADIUS * tap, *last = first + n - tap;
+  for (size_t i = 0; i < tap && n > tap; i++) {
+    const int before = first[i] - first[tap + i], after = last[i] - last[i - tap];
+    for (int k = 1; k <= RADIUS; k++) {
+      *(first + i - (size_t)k * tap) = (int16_t)(first[i] + k * before);
+      last[(size_t)k * tap + i] = (int16_t)(last[i] + k * after);
+    }
+  }
+}
+
+/* Smooths rows. */
 static void filter(const lines *l) {
   const size_t tap = (size_t)l->tap;
   copy_lines(l, RADIUS * tap, 0);
+  continue_lines(l);
   for (int i = 0; i < l->n; i++) {
     const int16_t *in = l->copy + (size_t)i * (size_t)l->width;
     int16_t *out = l->first + (size_t)i * l->step;
