@@ -151,46 +151,19 @@ void tc_meter_truth(const tc_reference *reference, const tc_scene *scene, int x,
 
 /* ---- the truth ---- */
 
-G_DEFINE_AUTO_CLEANUP_CLEAR_FUNC(tc_scene, tc_scene_clear)
-
-/* Without a list a mesh is every label's that shows: that list, into *scene. */
-static void list_labels(const tc_volume *labels, const tc_label_boxes *boxes, tc_scene *scene) {
-  const tc_volume_desc *d = tc_volume_describe(labels);
-  tc_mesh_surface *list = g_new0(tc_mesh_surface, (size_t)boxes->n_values);
-  size_t n = 0;
-  for (int bits = 0; bits < boxes->n_values; bits++) {
-    const uint32_t label = tc_mesh_label_of(d, bits);
-    if (boxes->reach[bits][3] && label && label <= INT_MAX && tc_labels_show(scene, label))
-      list[n++] = (tc_mesh_surface){.source = TC_SURFACE_OF_LABEL, .label = (int)label, .opacity = 1, .visible = true, .two_sided = true};
-  }
-  tc_scene_set_surfaces(scene, list, n);
-}
-
-/* The mesh of a surface that is of a label or a mesh, with normals, of at most max_bytes. */
-static tc_mesh *mesh_of(tc_volume *labels, const tc_label_boxes *boxes, tc_mesh *given, const tc_mesh_surface *s,
-                        uint64_t max_bytes, GError **error) {
-  const tc_mesh_options options = {.normals = true, .max_bytes = max_bytes};
-  if (s->source == TC_SURFACE_OF_LABEL) return tc_mesh_extract_label(labels, (uint32_t)s->label, boxes, &options, error);
-  return given && given->normals ? tc_mesh_ref(given) : tc_mesh_with_normals(given, &options, error);
-}
-
-/* The meshes of the surfaces that are of labels and meshes, and what the reference reads of them; both [n_surfaces]. */
-typedef struct truth_meshes {
-  tc_mesh **made;
-  tc_reference_mesh *views;
-} truth_meshes;
-
-static bool make_meshes(const tc_meter_subject *of, const tc_label_boxes *boxes, const truth_meshes *to,
-                        GError **error) {
+/* The meshes of the surfaces that are of meshes, with normals, and what the reference reads of them; both [n_surfaces]. */
+static bool make_meshes(const tc_meter_subject *of, tc_mesh **made, tc_reference_mesh *views, GError **error) {
   uint64_t left = MOST_BYTES;
   for (size_t i = 0; i < of->scene->mesh.n_surfaces; i++) {
     const tc_mesh_surface *s = &of->scene->mesh.surfaces[i];
-    if (s->source == TC_SURFACE_OF_VALUE || s->source == TC_SURFACE_OF_PLANE || !s->visible) continue;
+    if (s->source != TC_SURFACE_OF_MESH || !s->visible) continue;
     if (of->cancel && atomic_load(of->cancel)) {
       tc_set_error(error, TC_ERROR_CANCELLED, NULL, "cancelled");
       return false;
     }
-    const tc_mesh *m = to->made[i] = mesh_of(of->labels, boxes, of->meshes ? of->meshes[i] : NULL, s, left, error);
+    tc_mesh *given = of->meshes ? of->meshes[i] : NULL;
+    const tc_mesh_options options = {.normals = true, .max_bytes = left};
+    const tc_mesh *m = made[i] = given && given->normals ? tc_mesh_ref(given) : tc_mesh_with_normals(given, &options, error);
     if (!m) return false;
     const uint64_t bytes = m->bytes;
     if (bytes >= left) {
@@ -199,52 +172,31 @@ static bool make_meshes(const tc_meter_subject *of, const tc_label_boxes *boxes,
       return false;
     }
     left -= bytes;
-    to->views[i] = (tc_reference_mesh){{m->origin[0], m->origin[1], m->origin[2]},
-                                       m->n_vertices,
-                                       m->n_triangles,
-                                       (const float(*)[3])m->positions,
-                                       (const float(*)[3])m->normals,
-                                       (const uint32_t(*)[3])m->triangles,
-                                       m->colors};
+    views[i] = (tc_reference_mesh){{m->origin[0], m->origin[1], m->origin[2]},
+                                   m->n_vertices,
+                                   m->n_triangles,
+                                   (const float(*)[3])m->positions,
+                                   (const float(*)[3])m->normals,
+                                   (const uint32_t(*)[3])m->triangles,
+                                   m->colors};
   }
   return true;
 }
 
-/* The label boxes of the surfaces that need them, found once: each surface would search the whole volume. *boxes stays
- * NULL where none needs them. Without a list of surfaces the scene gets one. */
-static bool find_boxes(tc_volume *labels, tc_scene *scene, tc_label_boxes **boxes, GError **error) {
-  const bool listed = scene->mesh.n_surfaces > 0;
-  bool wanted = !listed;
-  for (size_t i = 0; i < scene->mesh.n_surfaces; i++) wanted |= scene->mesh.surfaces[i].source == TC_SURFACE_OF_LABEL;
-  if (!wanted || !labels) return true;
-  *boxes = tc_label_boxes_find(labels, NULL, error);
-  if (*boxes && !listed) list_labels(labels, *boxes, scene);
-  return *boxes != NULL;
-}
-
 tc_reference *tc_meter_reference(const tc_meter_subject *of, int width, int height, GError **error) {
-  g_auto(tc_scene) scene;
-  tc_scene_copy(&scene, of->scene);
-  tc_reference_request request = {.volume = of->volume,
-                                  .labels = of->labels,
-                                  .scene = &scene,
-                                  .width = width,
-                                  .height = height,
-                                  .tolerance = TOLERANCE,
-                                  .cancel = of->cancel};
-  const char *missing = tc_reference_missing(&scene);
-  if (!missing || strcmp(missing, "/mesh/surfaces")) return tc_reference_make(&request, error);
-  tc_meter_subject own = *of;
-  own.scene = &scene;
-  if (!scene.mesh.n_surfaces) own.meshes = NULL;
-  g_autofree tc_label_boxes *boxes = NULL;
-  if (!find_boxes(of->labels, &scene, &boxes, error)) return NULL;
-  const size_t n = scene.mesh.n_surfaces;
+  const size_t n = of->scene->mesh.n_surfaces;
   g_autofree tc_mesh **made = g_new0(tc_mesh *, n + 1);
   g_autofree tc_reference_mesh *views = g_new0(tc_reference_mesh, n + 1);
-  request.meshes = views;
-  tc_reference *r =
-      make_meshes(&own, boxes, &(truth_meshes){made, views}, error) ? tc_reference_make(&request, error) : NULL;
+  const tc_reference_request request = {.volume = of->volume,
+                                        .labels = of->labels,
+                                        .meshes = views,
+                                        .scene = of->scene,
+                                        .width = width,
+                                        .height = height,
+                                        .tolerance = TOLERANCE,
+                                        .cancel = of->cancel};
+  const bool good = !tc_reference_missing(of->scene) || make_meshes(of, made, views, error);
+  tc_reference *r = good ? tc_reference_make(&request, error) : NULL;
   for (size_t i = 0; i < n; i++) tc_mesh_free(made[i]);
   return r;
 }

@@ -30,7 +30,7 @@ typedef struct tc_meter_result {
   double max;       /* largest difference of a channel among these pixels: the frame's own is at least this */
   int pixels;       /* measured */
   /* Where tc_meter_wants_depth(): the nearest surface that a pixel's rays meet, against the exact one: the root of the
-     trilinear field, a mesh's own triangles, a label's at full detail. All surfaces together, then one by one. */
+     trilinear field, be it the volume's or a label's smoothed one, and a mesh's own triangles. All surfaces together, then one by one. */
   tc_depth_error depth, surfaces[TC_METER_SURFACES];
   int n_surfaces; /* that were met; those of most pixels where they are more than there is room for */
   double ms;      /* what it took */
@@ -54,14 +54,13 @@ typedef struct tc_meter_subject {
   const atomic_bool *cancel; /* NULL: never */
 } tc_meter_subject;
 
-/* Measures the frame against its truth. The truth of a label's surface is its mesh at full detail; meshes of more than
- * 256 MiB together are TC_ERROR_LIMIT. Any thread. After most_ms (0 = no limit) it stops with the pixels it has: they
+/* Measures the frame against its truth. Meshes of more than 256 MiB together are TC_ERROR_LIMIT. Any thread. After most_ms (0 = no limit) it stops with the pixels it has: they
  * are taken in random order. TC_ERROR_CANCELLED when *cancel is set; TC_ERROR_UNSUPPORTED where the scene has no
  * reference. */
 bool tc_meter_measure(const tc_meter *meter, const tc_meter_subject *of, double most_ms, tc_meter_result *result,
                       GError **error);
 
-/* The reference of any scene, with the meshes that its surfaces need. */
+/* The reference of any scene, with the labels and meshes that its surfaces need. */
 tc_reference *tc_meter_reference(const tc_meter_subject *of, int width, int height, GError **error);
 
 /* What a pixel of the frame goes to as the step goes to 0; rgba as tc_frame.linear has it. share: tc_render_request's

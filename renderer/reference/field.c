@@ -11,6 +11,7 @@ double tc_ref_voxel(const tc_ref_field *field, const size_t at[3]) {
   size_t i = (at[2] * (size_t)desc->dims[1] + at[1]) * (size_t)desc->dims[0] + at[0];
   double v = 0;
   if (field->coefficients) return field->coefficients[i];
+  if (field->smooth) return tc_ref_smooth_at(field->smooth, at);
   switch (desc->type) {
   case TC_U8: v = ((const uint8_t *)field->voxels)[i]; break;
   case TC_I8: v = ((const int8_t *)field->voxels)[i]; break;
@@ -138,12 +139,13 @@ bool tc_ref_walk_next(tc_ref_walk *walk, tc_ref_cell *cell) {
   /* Interpolates along x (p[zy]: degree 1), then y (q: degree 2), then z (the cubic), as polynomials in u.
    * Differences first, so that equal corners give an exactly constant field. */
   double p[4][2], q[2][3];
+  const int side = walk->field->smooth ? tc_ref_smooth_side(walk->field->smooth, low) : 0;
   cell->lo = INFINITY;
   cell->hi = -INFINITY;
   for (int zy = 0; zy < 4; zy++) {
     size_t y = zy & 1 ? high[1] : low[1], z = zy & 2 ? high[2] : low[2];
-    double a = tc_ref_voxel(walk->field, (size_t[3]){low[0], y, z});
-    double b = tc_ref_voxel(walk->field, (size_t[3]){high[0], y, z});
+    double a = side ? side : tc_ref_voxel(walk->field, (size_t[3]){low[0], y, z});
+    double b = side ? side : tc_ref_voxel(walk->field, (size_t[3]){high[0], y, z});
     cell->lo = fmin(cell->lo, fmin(a, b));
     cell->hi = fmax(cell->hi, fmax(a, b));
     cell->corner[2 * zy] = a;
@@ -167,4 +169,18 @@ bool tc_ref_walk_next(tc_ref_walk *walk, tc_ref_cell *cell) {
   if (walk->field->filter == TC_FILTER_CUBIC) make_cubic(walk->field, low, cell);
   cell->label = NULL;
   return true;
+}
+
+bool tc_ref_walk_bound(const tc_ref_field *field, const tc_ref_ray *ray, double *t) {
+  tc_ref_walk walk;
+  size_t low[3], high[3];
+  double start[3], delta[3];
+  tc_ref_walk_start(&walk, field, ray);
+  while (walk.t < ray->leave) {
+    const double to = next_face(&walk);
+    locate(&walk, to, low, high, start, delta);
+    *t = walk.t, walk.t = to;
+    if (!tc_ref_smooth_side(field->smooth, low)) return true;
+  }
+  return false;
 }

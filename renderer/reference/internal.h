@@ -36,6 +36,8 @@ bool tc_ref_clip_ray(const tc_ref_clip *clip, tc_ref_ray *ray);
 
 /* NULL, or the name of the meaningless member. */
 const char *tc_ref_camera_set_up(tc_ref_camera *camera, const tc_camera *from, int width, int height);
+/* The part in a grid's box of what is visible of a ray, over that grid's coordinates; t is the same. False: none. */
+bool tc_ref_ray_enter(const tc_ref_ray *open, const tc_volume_desc *desc, tc_ref_ray *box);
 /* A pixel's ray. */
 typedef struct tc_ref_cast {
   tc_ref_ray box;  /* its visible part in the field's box */
@@ -59,6 +61,26 @@ void tc_ref_triangles_free(tc_ref_triangles *triangles);
 /* The nearest hit of the ray's part behind `after`. */
 bool tc_ref_triangles_hit(const tc_ref_triangles *triangles, const tc_ref_ray *ray, double after, tc_ref_triangle_hit *hit);
 
+/* label_surface.c: the smooth surface of one label, as the field that is 0 there and above 0 within. Any thread. */
+enum { TC_REF_LABELS = 65536 };
+typedef struct tc_ref_extent_of_label {
+  bool found;
+  double label;
+  int low[3], high[3]; /* its first and last voxel along each axis */
+} tc_ref_extent_of_label;
+/* [TC_REF_LABELS], by the voxel's bits; free() them. NULL: no memory. cancel: NULL, or what is there is meaningless once it
+ * is true. A volume of whole numbers. */
+tc_ref_extent_of_label *tc_ref_labels_find(const tc_volume *labels, const atomic_bool *cancel);
+
+typedef struct tc_ref_smooth tc_ref_smooth;
+/* The volume outlives it. NULL: no memory. */
+tc_ref_smooth *tc_ref_smooth_new(const tc_volume *labels, const tc_ref_extent_of_label *where);
+void tc_ref_smooth_free(tc_ref_smooth *smooth);                        /* NULL is fine */
+const tc_volume_desc *tc_ref_smooth_desc(const tc_ref_smooth *smooth); /* the field's grid */
+double tc_ref_smooth_at(const tc_ref_smooth *smooth, const size_t at[3]); /* mm, about the distance to the surface */
+/* Of the cell's corners: 1: all are inside, -1: none is, 0: both are. */
+int tc_ref_smooth_side(const tc_ref_smooth *smooth, const size_t low[3]);
+
 /* field.c: the field along a ray, in stretches that lie in one cell, and for filter nearest, next to one voxel. */
 typedef struct tc_ref_field {
   tc_filter filter;
@@ -66,6 +88,7 @@ typedef struct tc_ref_field {
   const tc_volume_desc *desc;
   const void *voxels;
   const uint8_t *gaps; /* of surfaces: tc_volume_gaps, or NULL */
+  const tc_ref_smooth *smooth; /* a label's field instead of voxels, or NULL; cells that it has no surface in are 1 or -1 */
 } tc_ref_field;
 
 double tc_ref_voxel(const tc_ref_field *field, const size_t at[3]); /* volume's unit */
@@ -104,6 +127,8 @@ double tc_ref_voxel(const tc_ref_field *field, const size_t at[3]); /* in the vo
 
 void tc_ref_walk_start(tc_ref_walk *walk, const tc_ref_field *field, const tc_ref_ray *ray);
 bool tc_ref_walk_next(tc_ref_walk *walk, tc_ref_cell *cell);
+/* Of a label's field: the t before which the ray meets no surface; false: it meets none. */
+bool tc_ref_walk_bound(const tc_ref_field *field, const tc_ref_ray *ray, double *t);
 
 /* labels.c: a label volume and the scene with its labels' colours; both outlive this. */
 typedef struct tc_ref_labels {
@@ -121,6 +146,8 @@ typedef struct tc_ref_label_walk { /* starts as {.u = 1} */
   double u; /* end of what was returned of `whole` */
 } tc_ref_label_walk;
 
+/* 0 outside of the volume. */
+double tc_ref_label_at(const tc_volume_desc *desc, const void *voxels, const int at[3]);
 void tc_ref_labels_set_up(tc_ref_labels *labels, const tc_volume *volume, const tc_scene *scene);
 /* The same for a volume's own gaps (tc_volume_gaps), which hide. `scene` takes the members that say so. */
 void tc_ref_labels_of_gaps(tc_ref_labels *labels, const tc_volume *gaps, tc_scene *scene);

@@ -34,15 +34,14 @@ void tc_ref_labels_of_gaps(tc_ref_labels *l, const tc_volume *gaps, tc_scene *sc
   tc_ref_labels_set_up(l, gaps, scene);
 }
 
-static double label_at(const tc_ref_labels *l, const int at[3]) {
-  const tc_volume_desc *d = l->desc;
+double tc_ref_label_at(const tc_volume_desc *d, const void *voxels, const int at[3]) {
   for (int k = 0; k < 3; k++)
     if (at[k] < 0 || at[k] >= d->dims[k]) return 0;
   size_t i = ((size_t)at[2] * (size_t)d->dims[1] + (size_t)at[1]) * (size_t)d->dims[0] + (size_t)at[0];
-  double voxel = d->type == TC_U8    ? ((const uint8_t *)l->voxels)[i]
-                 : d->type == TC_I8  ? ((const int8_t *)l->voxels)[i]
-                 : d->type == TC_U16 ? ((const uint16_t *)l->voxels)[i]
-                                     : ((const int16_t *)l->voxels)[i];
+  double voxel = d->type == TC_U8    ? ((const uint8_t *)voxels)[i]
+                 : d->type == TC_I8  ? ((const int8_t *)voxels)[i]
+                 : d->type == TC_U16 ? ((const uint16_t *)voxels)[i]
+                                     : ((const int16_t *)voxels)[i];
   return fmax(d->slope * voxel + d->intercept, 0);
 }
 
@@ -104,7 +103,7 @@ static double find_cell(const tc_ref_labels *l, const tc_ref_ray *ray, const tc_
   for (int corner = 0; corner < 8; corner++) {
     int voxel[3];
     for (int k = 0; k < 3; k++) voxel[k] = low[k] + (corner >> k & 1) * step[k];
-    look_up(l, label_at(l, voxel), cell->corner[corner]);
+    look_up(l, tc_ref_label_at(l->desc, l->voxels, voxel), cell->corner[corner]);
   }
   return to;
 }

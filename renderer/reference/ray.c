@@ -83,6 +83,18 @@ static bool clip_to_box(tc_ref_ray *ray, const tc_volume_desc *desc) {
   return ray->enter < ray->leave;
 }
 
+bool tc_ref_ray_enter(const tc_ref_ray *open, const tc_volume_desc *desc, tc_ref_ray *box) {
+  long double axis[3][3], inverse[3][3], from[3], to[3];
+  axes(desc, axis, inverse);
+  *box = *open;
+  for (int k = 0; k < 3; k++) from[k] = (long double)open->lps[k] - desc->origin[k], to[k] = open->lps_direction[k];
+  for (int k = 0; k < 3; k++) {
+    box->origin[k] = (double)dot(inverse[k], from);
+    box->direction[k] = (double)dot(inverse[k], to);
+  }
+  return open->enter < open->leave && clip_to_box(box, desc);
+}
+
 void tc_ref_ray_cast(const tc_ref_camera *camera, const tc_ref_clip *clip, const tc_volume_desc *desc, double px,
                      double py, tc_ref_cast *cast) {
   tc_ref_ray *ray = &cast->box;

@@ -16,7 +16,8 @@ typedef struct ref_surface {
   int number;     /* of the scene's list */
   uint32_t label; /* 0: of no label */
   double iso, plane[4];
-  tc_ref_triangles *triangles;   /* owned; of labels and meshes */
+  tc_ref_triangles *triangles;   /* owned; of meshes */
+  tc_ref_field field;            /* of a label; its `smooth` is owned, and NULL where the label is nowhere */
   double color[3], opacity;      /* compositing space */
   bool one_sided, colored;       /* colored: by the triangles' own colours */
   tc_ref_shading shading;
@@ -32,6 +33,7 @@ struct tc_reference {
   tc_mode mode;
   tc_ref_window window;    /* projections */
   tc_volume *label_volume; /* or NULL */
+  tc_volume *labelled;     /* that surfaces are of, or NULL */
   tc_scene scene;          /* copy of the labels' members; zero without labels */
   tc_ref_labels labels;
   ref_surface *surfaces; /* [n_surfaces] */
@@ -54,10 +56,16 @@ static bool is_surface(tc_mode mode) { return mode == TC_MODE_ISOSURFACE || mode
 
 static bool shows(const tc_mesh_surface *s) { return s->visible && s->opacity > 0; }
 
-static bool needs_mesh(const tc_mesh_surface *s) { return s->source == TC_SURFACE_OF_LABEL || s->source == TC_SURFACE_OF_MESH; }
-
 static bool is_within(const tc_scene *s) {
   return s->mesh.n_surfaces && s->mesh.with_volume && (s->mode == TC_MODE_DVR || s->mode == TC_MODE_MIP);
+}
+
+/* Some surface that shows is of that source. */
+static bool needs(const tc_scene *s, tc_surface_source source) {
+  const bool mesh = s->mode == TC_MODE_MESH;
+  for (size_t i = 0; i < s->mesh.n_surfaces && (mesh || is_within(s)); i++)
+    if (shows(&s->mesh.surfaces[i]) && s->mesh.surfaces[i].source == source) return true;
+  return mesh && source == TC_SURFACE_OF_LABEL && s->labels.volume[0] && !s->mesh.n_surfaces;
 }
 
 const char *tc_reference_missing(const tc_scene *scene) {
@@ -65,9 +73,7 @@ const char *tc_reference_missing(const tc_scene *scene) {
   if (scene->mode != TC_MODE_DVR && !surface && !is_projection(scene->mode)) return "/mode";
   surface = surface || is_within(scene);
   if ((unsigned)scene->filter >= TC_FILTER_COUNT || (surface && scene->filter != TC_FILTER_LINEAR)) return "/filter";
-  if (scene->mode == TC_MODE_MESH && scene->labels.volume[0] && !scene->mesh.n_surfaces) return "/mesh/surfaces"; /* of labels */
-  for (size_t i = 0; i < scene->mesh.n_surfaces && (scene->mode == TC_MODE_MESH || is_within(scene)); i++)
-    if (shows(&scene->mesh.surfaces[i]) && needs_mesh(&scene->mesh.surfaces[i])) return "/mesh/surfaces";
+  if (needs(scene, TC_SURFACE_OF_LABEL) || needs(scene, TC_SURFACE_OF_MESH)) return "/mesh/surfaces";
   if (scene->labels.volume[0] && scene->mode == TC_MODE_DVR) return "/labels/volume";
   return NULL;
 }
@@ -101,9 +107,31 @@ static tc_ref_shading shading_of_surface(const tc_reference *r, const tc_scene *
   return shading;
 }
 
-/* mesh: NULL where the surface needs none. */
-static bool add_surface(tc_reference *r, const tc_scene *scene, const tc_mesh_surface *item, const tc_volume *labels,
-                        const tc_reference_mesh *mesh, GError **error) {
+/* What surfaces are made of beside the scene's list. */
+typedef struct sources {
+  tc_volume *labels;
+  const tc_reference_mesh *meshes;
+  tc_ref_extent_of_label *extents; /* of labels; NULL: not needed */
+} sources;
+
+/* The label's field; of one that is nowhere none. */
+static bool smooth_label(ref_surface *s, const sources *of, const tc_scene *scene) {
+  const tc_ref_extent_of_label *where = NULL;
+  for (int i = 0; i < TC_REF_LABELS && !where; i++)
+    if (of->extents[i].found && of->extents[i].label == s->label) where = &of->extents[i];
+  if (!where) return true;
+  tc_ref_smooth *smooth = tc_ref_smooth_new(of->labels, where);
+  if (!smooth) return false;
+  s->field = (tc_ref_field){.desc = tc_ref_smooth_desc(smooth), .smooth = smooth};
+  s->field.filter = TC_FILTER_LINEAR;
+  tc_ref_shading dual;
+  tc_ref_shading_set_up(&dual, of->labels, scene);
+  memcpy(s->shading.dual, dual.dual, sizeof dual.dual);
+  s->shading.gradient = TC_GRADIENT_CENTRAL;
+  return true;
+}
+
+static bool add_surface(tc_reference *r, const tc_scene *scene, const tc_mesh_surface *item, const sources *of, GError **error) {
   const double *srgb = item->has_color ? item->color : scene->isosurface.color;
   const tc_mesh_surface *first = scene->mesh.surfaces;
   const bool listed = first && item >= first && item < first + scene->mesh.n_surfaces;
@@ -112,12 +140,14 @@ static bool add_surface(tc_reference *r, const tc_scene *scene, const tc_mesh_su
   for (int c = 0; c < 3; c++) s->color[c] = scene->image.linear_light ? tc_ref_to_linear(srgb[c]) : srgb[c];
   s->number = listed ? (int)(item - first) : 0;
   if (item->source == TC_SURFACE_OF_LABEL) s->label = (uint32_t)item->label;
-  if (item->source == TC_SURFACE_OF_LABEL && !item->has_color) tc_ref_label_color(labels, scene, item->label, s->color);
+  if (item->source == TC_SURFACE_OF_LABEL && !item->has_color) tc_ref_label_color(of->labels, scene, item->label, s->color);
   if (item->source == TC_SURFACE_OF_PLANE) plane_of(r, scene, item->plane, s->plane);
   s->shading = shading_of_surface(r, scene, item);
-  s->colored = item->source == TC_SURFACE_OF_MESH && mesh->colors && !item->has_color;
-  if (needs_mesh(item) && !(s->triangles = tc_ref_triangles_new(mesh, scene->image.linear_light))) {
-    tc_set_error(error, TC_ERROR_MEMORY, "/mesh/surfaces", "reference: no memory for the triangles");
+  const tc_reference_mesh *mesh = item->source == TC_SURFACE_OF_MESH ? &of->meshes[s->number] : NULL;
+  s->colored = mesh && mesh->colors && !item->has_color;
+  if ((mesh && !(s->triangles = tc_ref_triangles_new(mesh, scene->image.linear_light))) ||
+      (item->source == TC_SURFACE_OF_LABEL && !smooth_label(s, of, scene))) {
+    tc_set_error(error, TC_ERROR_MEMORY, "/mesh/surfaces", "reference: no memory for the surfaces");
     return false;
   }
   if (isfinite(s->iso)) return true;
@@ -125,25 +155,65 @@ static bool add_surface(tc_reference *r, const tc_scene *scene, const tc_mesh_su
   return false;
 }
 
-static bool set_up_surfaces(tc_reference *r, const tc_scene *scene, const tc_volume *labels, const tc_reference_mesh *meshes,
-                            GError **error) {
+/* Without a list a mesh is every label's that shows: that list, g_free() it. */
+static tc_mesh_surface *list_labels(const tc_scene *scene, const tc_ref_extent_of_label *extents, size_t *n) {
+  tc_mesh_surface *list = g_new0(tc_mesh_surface, TC_REF_LABELS);
+  *n = 0;
+  for (int i = 0; i < TC_REF_LABELS; i++) {
+    const double label = extents[i].label;
+    bool shown = !scene->labels.visible;
+    for (size_t k = 0; k < scene->labels.n_visible && !shown; k++) shown = scene->labels.visible[k] == label;
+    if (extents[i].found && shown && label >= 1 && label <= INT32_MAX && label == floor(label))
+      list[(*n)++] = (tc_mesh_surface){
+          .source = TC_SURFACE_OF_LABEL, .label = (int)label, .opacity = 1, .visible = true, .two_sided = true};
+  }
+  return list;
+}
+
+static bool find_labels(tc_reference *r, sources *of, GError **error) {
+  if (tc_volume_describe(of->labels)->type == TC_F32) {
+    tc_set_error(error, TC_ERROR_INVALID, "/labels/volume", "reference: labels are whole numbers");
+    return false;
+  }
+  r->labelled = tc_volume_ref(of->labels);
+  of->extents = tc_ref_labels_find(of->labels, r->cancel);
+  if (!of->extents)
+    tc_set_error(error, TC_ERROR_MEMORY, "/labels/volume", "reference: no memory for the labels");
+  else if (stopped(r))
+    tc_set_error(error, TC_ERROR_CANCELLED, NULL, "cancelled");
+  return of->extents && !stopped(r);
+}
+
+static bool add_surfaces(tc_reference *r, const tc_scene *scene, const sources *of, GError **error) {
   const tc_mesh_surface one = {.value = scene->isosurface.value, .opacity = 1, .visible = true, .two_sided = true};
   const bool listed = scene->mode != TC_MODE_ISOSURFACE && scene->mesh.n_surfaces;
-  const tc_mesh_surface *of = listed ? scene->mesh.surfaces : &one;
-  const size_t n = listed ? scene->mesh.n_surfaces : 1;
-  r->surfaces = g_new0(ref_surface, n);
-  for (size_t i = 0; i < n; i++)
-    if (shows(&of[i]) && !add_surface(r, scene, &of[i], labels, meshes ? &meshes[i] : NULL, error)) return false;
-  return true;
+  size_t n = listed ? scene->mesh.n_surfaces : 1;
+  tc_mesh_surface *labels = !listed && of->extents ? list_labels(scene, of->extents, &n) : NULL;
+  const tc_mesh_surface *list = listed ? scene->mesh.surfaces : labels ? labels : &one;
+  bool good = true;
+  r->surfaces = g_new0(ref_surface, n + 1);
+  for (size_t i = 0; i < n && good; i++) {
+    if (stopped(r)) tc_set_error(error, TC_ERROR_CANCELLED, NULL, "cancelled");
+    good = !stopped(r) && (!shows(&list[i]) || add_surface(r, scene, &list[i], of, error));
+  }
+  g_free(labels);
+  return good;
+}
+
+static bool set_up_surfaces(tc_reference *r, const tc_scene *scene, const tc_reference_request *given, GError **error) {
+  sources of = {.labels = given->labels, .meshes = given->meshes};
+  const bool good = (!needs(scene, TC_SURFACE_OF_LABEL) || find_labels(r, &of, error)) && add_surfaces(r, scene, &of, error);
+  free(of.extents);
+  return good;
 }
 
 /* Sets up what the mode reads: transfer function, window or surfaces; slices read the window too. */
-static bool set_up_appearance(tc_reference *r, const tc_scene *scene, const tc_volume *labels, const tc_reference_mesh *meshes,
-                              GError **error) {
+static bool set_up_appearance(tc_reference *r, const tc_reference_request *of, GError **error) {
+  const tc_scene *scene = of->scene;
   r->mode = scene->mode;
   r->within = is_within(scene);
   r->window = (tc_ref_window){scene->window.center, scene->window.width, scene->image.linear_light};
-  if ((is_surface(scene->mode) || r->within) && !set_up_surfaces(r, scene, labels, meshes, error)) return false;
+  if ((is_surface(scene->mode) || r->within) && !set_up_surfaces(r, scene, of, error)) return false;
   if (is_surface(scene->mode)) return true;
   if (!is_projection(scene->mode)) {
     if (tc_ref_transfer_set_up(&r->transfer, &scene->transfer_function, scene->image.linear_light)) return true;
@@ -160,8 +230,10 @@ static bool set_up_appearance(tc_reference *r, const tc_scene *scene, const tc_v
 /* A member without a reference, or values that mean nothing: false with the error set. */
 static bool check(const tc_reference_request *of, GError **error) {
   const char *member = tc_reference_missing(of->scene);
+  const bool meshes = of->meshes || !needs(of->scene, TC_SURFACE_OF_MESH);
+  const bool labels = of->labels || !needs(of->scene, TC_SURFACE_OF_LABEL);
   if (member && !(of->labels && !strcmp(member, "/labels/volume")) &&
-      !(of->meshes && !strcmp(member, "/mesh/surfaces"))) {
+      !(meshes && labels && !strcmp(member, "/mesh/surfaces"))) {
     tc_set_error(
         error, TC_ERROR_UNSUPPORTED, member,
         "reference: %s: only dvr, mip, minip and average of any field and surfaces of the linear one are "
@@ -217,7 +289,7 @@ static bool set_up(tc_reference *r, const tc_reference_request *of, GError **err
   if (scene->mode == TC_MODE_DVR && scene->shading.model != TC_SHADING_NONE)
     tc_ref_shading_set_up(&r->shading, of->volume, scene);
   const char *member = tc_ref_camera_set_up(&r->camera, &scene->camera, of->width, of->height);
-  if (!member) return set_up_appearance(r, scene, of->labels, of->meshes, error);
+  if (!member) return set_up_appearance(r, of, error);
   tc_set_error(error, TC_ERROR_INVALID, member,
                "reference: camera: position, target and up must span a plane and the "
                "view be wider than 0 and narrower than 180 degrees");
@@ -244,9 +316,13 @@ void tc_reference_free(tc_reference *reference) {
   tc_ref_transfer_clear(&reference->transfer);
   tc_volume_unref(reference->volume);
   tc_volume_unref(reference->label_volume);
+  tc_volume_unref(reference->labelled);
   tc_scene_clear(&reference->scene);
   g_free(reference->field.coefficients);
-  for (size_t i = 0; i < reference->n_surfaces; i++) tc_ref_triangles_free(reference->surfaces[i].triangles);
+  for (size_t i = 0; i < reference->n_surfaces; i++) {
+    tc_ref_triangles_free(reference->surfaces[i].triangles);
+    tc_ref_smooth_free((tc_ref_smooth *)reference->surfaces[i].field.smooth);
+  }
   g_free(reference->surfaces);
   g_free(reference);
 }
@@ -320,6 +396,9 @@ typedef struct next_hit {
   double t;
   int skip;
   bool met;
+  bool bound; /* t is no more than the hit's: hit_surface() finds it */
+  const tc_ref_field *field; /* that is met, of surfaces of values and labels, and where over its coordinates */
+  double at[3];
 } next_hit;
 
 /* A slice's grey, as the window has it; what has no value is black. */
@@ -342,9 +421,14 @@ static bool meet(const tc_reference *r, const ref_surface *s, const tc_ref_cast 
     next->t = on->t;
     return met;
   }
-  if (!ray->in_box) return false;
-  if (s->kind == TC_SURFACE_OF_PLANE) return meet_plane(s, &ray->box, next, &on->back);
-  return tc_ref_surface_hit(&r->field, &ray->box, s->iso, next->skip++, &on->back, &next->t);
+  const bool of_label = s->kind == TC_SURFACE_OF_LABEL;
+  tc_ref_ray own = ray->box;
+  if (of_label ? !s->field.smooth || !tc_ref_ray_enter(&ray->open, s->field.desc, &own) : !ray->in_box) return false;
+  if (s->kind == TC_SURFACE_OF_PLANE) return meet_plane(s, &own, next, &on->back);
+  next->field = of_label ? &s->field : &r->field;
+  const bool met = tc_ref_surface_hit(next->field, &own, of_label ? 0 : s->iso, next->skip++, &on->back, &next->t);
+  for (int k = 0; k < 3; k++) next->at[k] = own.origin[k] + next->t * own.direction[k];
+  return met;
 }
 
 /* Where the ray meets the surface next; next starts as zeros. */
@@ -353,6 +437,7 @@ static bool hit_surface(const tc_reference *r, const ref_surface *s, const tc_re
   tc_reference_hit *hit = &next->hit;
   tc_ref_triangle_hit on;
   double at[3], gradient[3];
+  next->bound = false;
   do {
     next->met = meet(r, s, cast, next, &on);
     if (!next->met) return false;
@@ -372,21 +457,42 @@ static bool hit_surface(const tc_reference *r, const ref_surface *s, const tc_re
   } else if (s->triangles) {
     tc_ref_shade_normal(&shading, hit->normal, hit->color);
   } else {
-    tc_ref_surface_gradient(&r->field, shading.gradient, at, gradient);
+    tc_ref_surface_gradient(next->field, shading.gradient, next->at, gradient);
     tc_ref_shade_surface(&shading, gradient, hit->normal, hit->color);
   }
   return true;
 }
 
-/* The nearest first hit of all surfaces, and whose it is; NULL: none. */
-static const ref_surface *hit_nearest(const tc_reference *r, const tc_ref_cast *ray, tc_reference_hit *hit) {
-  const ref_surface *nearest = NULL;
+/* The first hit, or only how far it is at least where the surface is a label's: its field is dear. */
+static void begin_hits(const tc_reference *r, const tc_ref_cast *cast, next_hit *next) {
   for (size_t i = 0; i < r->n_surfaces; i++) {
-    next_hit own = {0};
-    if (!hit_surface(r, &r->surfaces[i], ray, &own) || (nearest && own.hit.distance_mm >= hit->distance_mm)) continue;
-    *hit = own.hit, nearest = &r->surfaces[i];
+    const ref_surface *s = &r->surfaces[i];
+    tc_ref_ray own;
+    if (s->kind != TC_SURFACE_OF_LABEL) hit_surface(r, s, cast, &next[i]);
+    else if (s->field.smooth && tc_ref_ray_enter(&cast->open, s->field.desc, &own))
+      next[i].met = next[i].bound = tc_ref_walk_bound(&s->field, &own, &next[i].t);
   }
-  return nearest;
+}
+
+/* Whose hit is next; n_surfaces: nobody's. */
+static size_t find_nearest(const tc_reference *r, const tc_ref_cast *cast, next_hit *next) {
+  for (;;) {
+    size_t nearest = r->n_surfaces;
+    for (size_t i = 0; i < r->n_surfaces; i++)
+      if (next[i].met && (nearest == r->n_surfaces || next[i].t < next[nearest].t)) nearest = i;
+    if (nearest == r->n_surfaces || !next[nearest].bound || stopped(r)) return nearest;
+    hit_surface(r, &r->surfaces[nearest], cast, &next[nearest]);
+  }
+}
+
+/* The nearest first hit of all surfaces, and whose it is; NULL: none. */
+static const ref_surface *hit_nearest(const tc_reference *r, const tc_ref_cast *cast, tc_reference_hit *hit) {
+  next_hit *next = g_new0(next_hit, r->n_surfaces + 1);
+  begin_hits(r, cast, next);
+  const size_t nearest = find_nearest(r, cast, next);
+  *hit = next[nearest].hit;
+  g_free(next);
+  return nearest < r->n_surfaces ? &r->surfaces[nearest] : NULL;
 }
 
 bool tc_reference_surface(const tc_reference *r, double px, double py, tc_reference_hit *hit) {
@@ -425,11 +531,9 @@ static void add_hit(const ref_surface *s, const tc_reference_hit *hit, blend *b)
 static void composite_surfaces(const tc_reference *r, const tc_ref_cast *ray, blend *b) {
   next_hit *next = g_new0(next_hit, r->n_surfaces + 1);
   tc_ref_ray part = ray->box;
-  for (size_t i = 0; i < r->n_surfaces; i++) hit_surface(r, &r->surfaces[i], ray, &next[i]);
+  begin_hits(r, ray, next);
   while (b->light.transparency > 0 && !stopped(r)) {
-    size_t nearest = r->n_surfaces;
-    for (size_t i = 0; i < r->n_surfaces; i++)
-      if (next[i].met && (nearest == r->n_surfaces || next[i].t < next[nearest].t)) nearest = i;
+    const size_t nearest = find_nearest(r, ray, next);
     const bool last = nearest == r->n_surfaces;
     part.leave = last ? ray->box.leave : fmin(ray->box.leave, next[nearest].t);
     if (r->within && ray->in_box) add_part(r, &part, b);

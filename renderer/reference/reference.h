@@ -8,8 +8,8 @@
  * For mip, minip and average, the reference is the exact extremum or mean of the field along the ray, through the
  * scene's window. For isosurface, it is the first point where the ray changes sides (raycast/isosurface.h), as the exact
  * root of the cubic, with the normal that isosurface.h defines. For mesh it is all such points, front to back, of surfaces
- * of values; of labels and meshes those of the triangles it is given, at full detail; of planes those where they are. A
- * volume around surfaces is integrated from one to the next.
+ * of values; of labels those of the smoothed signed distance that defines them (label_surface.c); of meshes those of the
+ * triangles it is given; of planes those where they are. A volume around surfaces is integrated from one to the next.
  *
  * The reference is the limit of dvr as the step goes to 0, with the scene's filter: classification, order, sampling
  * (step, jitter, early ray termination, rays per pixel) and empty-space skipping are ignored. Immutable once made:
@@ -38,14 +38,14 @@ typedef struct tc_reference_mesh {
 } tc_reference_mesh;
 
 /* JSON pointer to the member because of which this scene has no reference; NULL if it has one. "/labels/volume": the
- * scene needs its label volume; "/mesh/surfaces": meshes (tc_reference_request). Pure. */
+ * scene needs its label volume; "/mesh/surfaces": what its surfaces are of, labels or meshes (tc_reference_request). Pure. */
 const char *tc_reference_missing(const tc_scene *scene);
 
 /* What a reference is made of. */
 typedef struct tc_reference_request {
   tc_volume *volume; /* sealed */
   tc_volume *labels; /* scene->labels.volume, checked as tc_labels_check() does (classify/labels.h); NULL: without */
-  const tc_reference_mesh *meshes; /* [scene->mesh.n_surfaces], of the surfaces of labels and meshes; NULL: without */
+  const tc_reference_mesh *meshes; /* [scene->mesh.n_surfaces], of the surfaces of meshes; NULL: without */
   const tc_scene *scene;
   int width, height;
   double tolerance;          /* absolute error bound of each channel of a pixel, 1e-14 .. 0.1; 0 = 1e-10 */

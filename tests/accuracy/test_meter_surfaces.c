@@ -306,4 +306,87 @@ TEST(each_surface_has_an_error_of_its_own) {
   assert_int_equal(said.depth.both, e[0].both + e[1].both);
 }
 
+/* ---- labels: the truth is computed from the definition, without the extraction's fields and boxes ---- */
+
+static double in_a_box(double x, double y, double z, const void *user) {
+  return x >= 6 && x < 58 && y >= 20 && y < 44 && z >= 6 && z < 58 ? 3 : 0;
+}
+
+/* Two labels that meet in a plane, and a thin sheet. */
+static double halves_and_sheet(double x, double y, double z, const void *user) {
+  if (pow(x - middle, 2) + pow(y - middle, 2) + pow(z - middle, 2) < 400) return x > middle ? 2 : 1;
+  return z == 8 ? 5 : 0;
+}
+
+static void look_at_labels(tc_scene *scene) {
+  look_at(scene, TC_ORTHOGRAPHIC, TC_MODE_MESH, 0);
+  g_strlcpy(scene->labels.volume, "labels", sizeof scene->labels.volume);
+}
+
+static tc_meter_result measure_labels(const tc_frame *frame, tc_volume *labels, const tc_scene *scene, const atomic_bool *cancel, GError **error) {
+  tc_meter_result found;
+  tc_meter *meter = tc_meter_new(frame, PIXELS, 1);
+  tc_meter_measure(meter, &(tc_meter_subject){.volume = labels, .labels = labels, .scene = scene, .cancel = cancel}, 0, &found, error);
+  tc_meter_free(meter);
+  return found;
+}
+
+/* Away from its edges the face of a box is in the middle between voxels, whatever smooths it, as the filter and distances are
+ * of both sides alike. */
+TEST(the_face_of_a_labels_box_is_between_its_voxels) {
+  g_autoptr(tc_volume) labels = test_volume(&(test_grid){.dims = {VOXELS, VOXELS, VOXELS}, .type = TC_U8, .slope = 1}, in_a_box, NULL);
+  g_auto(tc_scene) scene;
+  look_at_labels(&scene);
+  test_scene_look(&scene, TC_ORTHOGRAPHIC, (double[3]){middle, -50, middle}, (double[3]){middle, middle, middle}, 75);
+  int n = 0;
+  for (int p = 0; p < PIXELS; p++) {
+    const ray r = ray_of(&scene.camera, p % SIDE + 0.5, p / SIDE + 0.5);
+    const bool inner = fabs(r.from[0] - middle) < 8 && fabs(r.from[2] - middle) < 8;
+    depth[p] = inner ? (float)(50 + 19.5) : NAN;
+    n += inner;
+  }
+  const tc_meter_result said = measure_labels(&by_formula, labels, &scene, NULL, NULL);
+  print_message("  %d pixels, %.1e mm off at most\n", said.depth.both, said.depth.max);
+  assert_true(n > 100 && said.depth.both == n && said.depth.one == 0 && said.depth.max < 1e-4);
+  assert_true(said.n_surfaces == 1 && said.surfaces[0].label == 3);
+}
+
+/* The extraction's fields are of whole numbers of 1/256 voxel, rounded four times; the field falls by at least a third of a
+ * voxel for each. Slices that lie far apart are not smoothed across. The scene shows two labels of three. */
+TEST(meshes_of_labels_are_near_their_definition) {
+  static const double spacings[3][3] = {{1, 1, 1}, {1, 0.8, 1.4}, {0.6, 0.6, 1.5}};
+  for (int i = 0; i < 3; i++) {
+    test_grid grid = {.dims = {VOXELS, VOXELS, VOXELS}, .type = i ? TC_I16 : TC_U8, .slope = 1};
+    memcpy(grid.spacing, spacings[i], sizeof grid.spacing);
+    g_autoptr(tc_volume) labels = test_volume(&grid, halves_and_sheet, NULL);
+    g_auto(tc_scene) scene;
+    look_at_labels(&scene);
+    const double centre[3] = {middle * grid.spacing[0], middle * grid.spacing[1], middle * grid.spacing[2]};
+    test_scene_look(&scene, TC_ORTHOGRAPHIC, (double[3]){centre[0] - 60, centre[1] - 90, centre[2] + 40}, centre, 70);
+    tc_scene_set_visible(&scene, g_memdup2((const uint32_t[2]){1, 5}, 2 * sizeof(uint32_t)), 2);
+    tc_frame *frame = test_draw(test_widest(), labels, &scene,
+                                &(tc_render_request){.labels = labels, .want_linear = true, .want_depth = true}, NULL);
+    const tc_meter_result said = measure_labels(frame, labels, &scene, NULL, NULL);
+    for (int k = 0; k < said.n_surfaces; k++)
+      print_message("  spacing %g %g %g, label %u: %d pixels, half within %.4f mm, 99 %% within %.4f; %d at the outline\n",
+                    grid.spacing[0], grid.spacing[1], grid.spacing[2], said.surfaces[k].label, said.surfaces[k].both,
+                    said.surfaces[k].p50, said.surfaces[k].p99, said.surfaces[k].one);
+    assert_int_equal(said.n_surfaces, 2);
+    for (int k = 0; k < 2; k++)
+      assert_true(said.surfaces[k].label != 2 && said.surfaces[k].p50 < 3 * 4 / 256.0 && said.surfaces[k].both > 100);
+    assert_true(said.depth.outline < 0.01);
+  }
+}
+
+TEST(a_truth_of_labels_ends_when_told) {
+  g_autoptr(tc_volume) labels = test_volume(&(test_grid){.dims = {VOXELS, VOXELS, VOXELS}, .type = TC_U8, .slope = 1}, in_a_box, NULL);
+  g_auto(tc_scene) scene;
+  g_autoptr(GError) error = NULL;
+  const atomic_bool cancel = true;
+  look_at_labels(&scene);
+  for (int p = 0; p < PIXELS; p++) depth[p] = INFINITY;
+  measure_labels(&by_formula, labels, &scene, &cancel, &error);
+  assert_true(g_error_matches(error, TC_ERROR, TC_ERROR_CANCELLED));
+}
+
 TESTS(test_renderers_open, test_renderers_close)
