@@ -1,18 +1,18 @@
-/* What a frame waits for while it is built, for who asks from another thread. */
+/* Progress of the resource that a frame is building, readable from any thread. */
 #ifndef TC_RENDERER_BUILDING_H
 #define TC_RENDERER_BUILDING_H
 
 #include <stdatomic.h>
 
-/* The renderer writes, any thread reads. */
+/* Written by the renderer, read by any thread. */
 typedef struct tc_building {
-  atomic_int resource; /* tc_resource (plan/plan.h) + 1; 0: nothing is built */
-  atomic_int permille; /* of it, where its kind knows (mesh); else 0 */
+  atomic_int resource; /* tc_resource (plan/plan.h) + 1; 0: nothing is being built */
+  atomic_int permille; /* finished share of the build, 0..1000; stays 0 for kinds that do not report it */
 } tc_building;
 
-/* A part of what is built: from `from` to `to` of the whole. */
+/* One step of a build: the step covers the range from .. to of the whole, 0..1. */
 typedef struct tc_share {
-  atomic_int *permille; /* NULL: nobody asks */
+  atomic_int *permille; /* where progress is reported; NULL: not reported */
   double from, to;
 } tc_share;
 

@@ -1,4 +1,4 @@
-/* Milliseconds of the monotonic clock: what stages are timed with. */
+/* Milliseconds of the monotonic clock, for timing. */
 #ifndef TC_RENDERER_CLOCK_H
 #define TC_RENDERER_CLOCK_H
 

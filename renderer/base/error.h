@@ -1,7 +1,7 @@
-/* Errors of the whole product: a GError of one domain, read as a trail.
+/* Errors of the whole product: a GError of one domain, whose message grows a prefix in each caller.
  *
  * Every call that can fail takes a GError ** as its last argument (GLib's conventions: NULL ignores,
- * the callee sets it once). The message is one line that names what, where and the mend; callers add
+ * the callee sets it once). The message is one line: what is wrong, where, and how to fix it. Callers add
  * a clause in front with g_prefix_error(), so a full message reads like
  *   "open study.nrrd: header line 7: sizes: 3 values expected, got 2".
  * Messages never hold patient data or server-side absolute paths beyond what the caller passed in. */
@@ -25,16 +25,16 @@ typedef enum tc_error_code {
   TC_ERROR_IO,           /* the system refused: open, read, write, spawn (HTTP 500) */
   TC_ERROR_MEMORY,       /* an allocation failed or would pass the budget (HTTP 507) */
   TC_ERROR_CANCELLED,    /* the caller asked to stop */
-  TC_ERROR_PAUSED,       /* the caller asked to give way: to be resumed, never shown (HTTP 503) */
+  TC_ERROR_PAUSED,       /* the caller asked for a pause: the frame is to be resumed, never shown (HTTP 503) */
   TC_ERROR_BUSY,         /* try again later (HTTP 503) */
-  TC_ERROR_INTERNAL,     /* ours (HTTP 500) */
+  TC_ERROR_INTERNAL,     /* a fault of the program itself (HTTP 500) */
   TC_ERROR_CODE_COUNT
 } tc_error_code;
 
 #define TC_ERROR (tc_error_quark())
 GQuark tc_error_quark(void);
 
-/* Sets *error like g_set_error() and remembers which member of a JSON document is at fault:
+/* Sets *error like g_set_error() and stores which member of a JSON document is at fault:
  * `pointer` is an RFC 6901 JSON pointer such as "/camera/up" (copied), or NULL. */
 void tc_set_error(GError **error, tc_error_code code, const char *pointer, const char *format, ...)
     G_GNUC_PRINTF(4, 5);

@@ -28,7 +28,7 @@ void tc_halt_probe_begin(long long cancels_at) {
   atomic_store(&tc_halt_probed.longest_us, 0);
 }
 
-/* True: give up. */
+/* True: cancel. */
 static bool probe_look(void) {
   static _Thread_local int number;
   static _Thread_local int64_t last_us;

@@ -1,25 +1,26 @@
-/* Cancels or pauses a render: set from any thread while tc_render() runs.
+/* Cancels or pauses a render; set from any thread while tc_render() runs.
  *
- * tc_render() checks `cancel` and `pause_us` between units of pixels, which take some milliseconds, and stops at once.
- * Within a unit, and while it builds resources, it checks every few milliseconds: `cancel`, and whether `pause_us` passed
- * TC_GRACE_US ago. Rays that are stopped then are cast again when the frame is resumed; resources are built further from
- * where they were.
+ * A frame is drawn in units of pixels that take some milliseconds each. Between two units tc_render() stops at once if
+ * `cancel` is set or `pause_us` has passed. Inside a unit, and while it builds resources, it checks every few
+ * milliseconds; there `cancel` stops it at once, and `pause_us` stops it TC_GRACE_US later. A ray that was stopped
+ * midway is cast again when the frame is resumed; a long build of a resource continues where it stopped.
  *
- * A call whose pause time is already past when it begins still makes progress: a unit, or TC_GRACE_US of building. Where
- * that was not enough (one ray takes longer, or a small resource that is not kept in parts: distance map, bounds, cover,
- * a table's outline, integrals, labels), the grace doubles with each such call, so that every frame is done in the end. */
+ * A call whose pause time has already passed still makes progress: one unit, or TC_GRACE_US of building. This may not
+ * suffice: one ray may take longer, and small resources (distance map, bounds, cover, a table's outline, integrals,
+ * labels) are rebuilt from the start. The grace period therefore doubles with each such call, so that every frame is
+ * finished eventually. */
 #ifndef TC_RENDERER_INTERRUPT_H
 #define TC_RENDERER_INTERRUPT_H
 
 #include <stdatomic.h>
 #include <stdbool.h>
 
-#define TC_GRACE_US 10000 /* work under way when a pause begins may take this long */
+#define TC_GRACE_US 10000 /* how long after the pause time work in progress may continue */
 
 typedef struct tc_interrupt {
   atomic_bool cancel;    /* stop: TC_ERROR_CANCELLED */
-  atomic_llong pause_us; /* time of CLOCK_MONOTONIC (g_get_monotonic_time()) from which on to stop: TC_ERROR_PAUSED;
-                            LLONG_MAX = never */
+  atomic_llong pause_us; /* pause at this time, CLOCK_MONOTONIC (g_get_monotonic_time()): TC_ERROR_PAUSED; LLONG_MAX =
+                            never */
 } tc_interrupt;
 
 /* Neither cancelled nor paused. */

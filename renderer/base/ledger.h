@@ -1,4 +1,5 @@
-/* Whoever counts the memory of the process. The renderer asks before it allocates what may be large, and tells what it frees. */
+/* Memory accounting of the process. The renderer reserves bytes here before a large allocation and returns them when it
+ * frees. */
 #ifndef TC_RENDERER_LEDGER_H
 #define TC_RENDERER_LEDGER_H
 
@@ -6,12 +7,12 @@
 #include <stdint.h>
 
 typedef struct tc_ledger {
-  bool (*take)(void *user, uint64_t bytes);  /* reserves them; false: there are not so many. Any thread */
-  void (*count)(void *user, int64_t bytes);  /* exist already, or (negative) are given back. Any thread */
+  bool (*take)(void *user, uint64_t bytes);  /* reserves bytes; false: the budget is exhausted. Any thread */
+  void (*count)(void *user, int64_t bytes);  /* adds bytes already allocated; negative: returns bytes. Any thread */
   void *user;
 } tc_ledger;
 
-/* ledger NULL: there is no bound. */
+/* ledger NULL: unbounded. */
 static inline bool tc_ledger_take(const tc_ledger *ledger, uint64_t bytes) {
   return !ledger || !bytes || ledger->take(ledger->user, bytes);
 }

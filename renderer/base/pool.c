@@ -23,7 +23,8 @@ struct tc_pool {
   pthread_mutex_t lock;
   pthread_cond_t work, done;
   uint64_t round; /* counts calls of tc_pool_run */
-  bool open;      /* the caller works on it: who wakes later finds nothing left, and nobody waits for who has not woken yet */
+  bool open;      /* the caller is in the round; workers that wake after it left skip the round and are not waited
+                     for */
   int busy;       /* workers in the round */
   bool stop;
   void (*task)(void *, int, int);
@@ -34,7 +35,7 @@ struct tc_pool {
 };
 
 static void drain(tc_pool *pool, int worker) {
-  while (!tc_halt_within(pool->halt)) { /* asked first: who takes an index does it */
+  while (!tc_halt_within(pool->halt)) { /* checked before an index is taken: every taken index is processed */
     int i = atomic_fetch_add_explicit(&pool->next, 1, memory_order_relaxed);
     if (i >= pool->count) return;
     pool->task(pool->context, i, worker);

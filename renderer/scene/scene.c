@@ -99,7 +99,7 @@ void tc_scene_init(tc_scene *scene) {
 
 struct tc_shared {
   atomic_size_t references;
-  void *memory; /* of g_malloc */
+  void *memory; /* freed by g_free() */
   size_t size;
   atomic_uint_fast64_t digest; /* 0 = not known yet */
 };
@@ -119,7 +119,8 @@ static void shared_unref(tc_shared *shared) {
   g_free(shared);
 }
 
-/* Eight bytes at a time (lists are of whole words), seeded: a client cannot look for two lists of one number. */
+/* Hashes eight bytes at a time (lists consist of whole words). Seeded at random, so that a client cannot construct
+ * collisions. */
 uint64_t tc_shared_digest(tc_shared *shared) {
   static atomic_uint_fast64_t seed;
   uint64_t start = atomic_load(&seed), none = 0, word;
@@ -155,8 +156,8 @@ static void list_share(void *items, size_t size, tc_shared **shared) {
   if (items && !*shared) *shared = shared_new(items, size);
 }
 
-/* A list that was copied bit by bit gets a reference, or a copy of its own, which is given back. "None visible" is an
- * empty list that is not NULL, NULL being "all". */
+/* Completes a bitwise copy of a list: adds a reference if the list is shared, else returns a copy. An empty list that
+ * is not NULL stays so: for visible labels it means "none", and NULL means "all". */
 static void *list_hold(void *items, size_t size, tc_shared **shared) {
   if (*shared) {
     atomic_fetch_add_explicit(&(*shared)->references, 1, memory_order_relaxed);
@@ -287,7 +288,7 @@ bool tc_transfer_function_fit_preset(tc_transfer_function *tf, const char *name,
   tc_knot *points = g_memdup2(preset->points, preset->count * sizeof(tc_knot));
   for (size_t i = 0; preset->relative && i < preset->count; i++) {
     points[i].value = stretched(stretch, points[i].value);
-    if (i > 0) points[i].value = fmax(points[i].value, points[i - 1].value); /* rounding may swap what one value has */
+    if (i > 0) points[i].value = fmax(points[i].value, points[i - 1].value); /* rounding may swap equal knots */
   }
   return set_preset(tf, preset, points, stretch->unit);
 }
