@@ -11,25 +11,24 @@
 #include "renderer/volume/body.h"
 #include "renderer/volume/values.h"
 
-/* The diagonal for which presets are meant, in mm: a head's. */
+/* Volume diagonal in mm for which presets are designed: a head's. */
 #define PRESET_DIAGONAL_MM 400.0
-/* Outside of a patient and of what he lies on. */
 #define AIR_HU -1000
-/* Skin and fat are denser, what pads tables is not. */
+/* Skin and fat are denser, the foam of tables is not. */
 #define DENSE_HU -300
-/* Without units tables may be as faint: so far from what is around to the body's values. */
+/* Without a unit: smallest value of a table, as a share of the way from the background to the body. */
 #define SOFT 0.3
 #define BONE_HU 300
-/* Share of bone among what is dense: a head has more, a trunk less. */
+/* Share of bone among the dense voxels: a head has more, a trunk less. */
 #define HEAD_BONE 0.1
-/* Share of the body's voxels that may be white in slices, share of all that a body has at least, and of a window's greys
- * what the body has at least. */
+/* Largest share of the body's voxels that may be white in slices; smallest share of all voxels that counts as a body;
+ * smallest share of the window's width that the body's values must span. */
 #define MOST_WHITE 0.3
 #define LEAST_BODY 0.02
 #define LEAST_GREYS 0.05
-/* Samples a side of each face of the volume. */
+/* Samples per side on each face of the volume. */
 #define FACE_SIDE 24
-/* A volume so much thinner along one axis than along the others is looked at along it. */
+/* A volume whose extent along one axis, relative to the others, is below this share is viewed along that axis. */
 #define THIN 0.25
 
 static double diagonal_of(const tc_volume *volume) {
@@ -51,7 +50,7 @@ int tc_fit_axis(const tc_volume *volume) {
   return extent[0] < THIN * fmin(extent[1], extent[2]) ? 0 : 1;
 }
 
-/* By the axis: where the eye is from the target, and what is up. */
+/* By axis: direction from the target to the eye, and up. */
 static const double views[3][2][3] = {{{1, 0, 0}, {0, 0, 1}}, {{0, -1, 0}, {0, 0, 1}}, {{0, 0, -1}, {0, -1, 0}}};
 
 static void fit_camera(tc_camera *camera, const tc_volume *volume) {
@@ -71,7 +70,7 @@ static void fit_camera(tc_camera *camera, const tc_volume *volume) {
   camera->projection = TC_PERSPECTIVE;
   camera->fov_y_deg = 30;
   memcpy(camera->up, view[1], sizeof camera->up);
-  /* The bounding sphere fits with room to turn. */
+  /* The bounding sphere fits, so that the volume can be rotated. */
   double distance = radius / sin(camera->fov_y_deg * M_PI / 360);
   for (int k = 0; k < 3; k++) camera->position[k] = camera->target[k] + distance * view[0][k];
   camera->height_mm = 2 * radius;
@@ -79,7 +78,7 @@ static void fit_camera(tc_camera *camera, const tc_volume *volume) {
 
 /* ---- values ---- */
 
-/* A CT that was never rescaled has no Hounsfield units. */
+/* A CT whose values were not rescaled has no Hounsfield units. */
 static bool is_hounsfield(const tc_volume *volume, double low, double high) {
   const tc_volume_desc *d = tc_volume_describe(volume);
   return (!strcmp(d->modality, "CT") || !strcmp(d->unit, "HU") || low < -500) && low < -100 && high > 300;
@@ -97,11 +96,11 @@ static const char *preset_for(const tc_volume *volume, const tc_values *values, 
   return "surface";
 }
 
-/* One value has no range: a unit, or what a float can tell apart at its size. */
+/* hi; if the range is empty, lo plus 1 or 0.1 % of lo, so that the range has a width. */
 static double above(double lo, double hi) { return hi - lo > 1e-6 * fabs(lo) ? hi : lo + fmax(1, 1e-3 * fabs(lo)); }
 
-/* Whether a window leaves something to be seen: little of the body is white, and it has more than a few greys. Where only
- * specks are dense, as in PET, there is no body to tell from. */
+/* True if a window shows the body: little of the body is white, and its greys differ. If only specks are dense, as in
+ * PET, there is no body to judge by. */
 static bool shows_body(const tc_fit *fit, const tc_values *values, double center, double width) {
   const double dense = tc_values_share(values, fit->dense), white = tc_values_share(values, center + 0.5 * width);
   const double from = tc_values_percentile(values, fit->dense, 0.05), to = tc_values_percentile(values, fit->dense, 0.95);
@@ -109,7 +108,8 @@ static bool shows_body(const tc_fit *fit, const tc_values *values, double center
   return white <= MOST_WHITE * dense && to > center - 0.5 * width && to - from >= LEAST_GREYS * width;
 }
 
-/* For slices, what the file says; what is usual for Hounsfield units; what the values have. Other modes have their own. */
+/* The window for slices: the file's own, else a usual one for Hounsfield units, else the range of the values. Other
+ * modes get theirs from tc_fit_windows(). */
 static void find_window(tc_fit *fit, const tc_volume *volume, const tc_values *values) {
   static const char *const names[] = {"ct-soft-tissue", "ct-bone"};
   const tc_volume_desc *d = tc_volume_describe(volume);
@@ -130,7 +130,7 @@ static int by_value(const void *a, const void *b) {
   return (x > y) - (x < y);
 }
 
-/* The median at the volume's six faces: what is around, be it air, the medium in a container or the zero of a map. */
+/* Background value, the median on the volume's six faces: air, the medium in a container or the zero of a map. */
 static double value_around(const tc_volume *volume) {
   const int *dims = tc_volume_describe(volume)->dims;
   double values[6 * FACE_SIDE * FACE_SIDE];
@@ -147,7 +147,8 @@ static double value_around(const tc_volume *volume) {
   return count ? values[count / 2] : -INFINITY;
 }
 
-/* A preset without units begins at what is around. MR pictures often end within the patient. */
+/* A preset without a unit starts at the background value. Not for MR, whose field of view often ends inside the
+ * patient. */
 static void begin_around(tc_fit *fit, const tc_volume *volume) {
   const double around = value_around(volume);
   if (fit->hounsfield || !strcmp(tc_volume_describe(volume)->modality, "MR")) return;
@@ -163,7 +164,7 @@ void tc_fit_find(tc_fit *fit, const tc_volume *volume) {
   tc_values *values = tc_values_of(volume);
   if (!values) return;
   tc_values_range(values, &fit->stretch.low, &fit->stretch.high);
-  if (s->max - fit->stretch.high < 1e-4 * (s->max - s->min)) fit->stretch.high = s->max; /* but for rounding */
+  if (s->max - fit->stretch.high < 1e-4 * (s->max - s->min)) fit->stretch.high = s->max; /* equal up to rounding */
   if (fit->stretch.high > fit->stretch.low) fit->stretch.middle = tc_values_threshold(values);
   else fit->stretch.high = fit->stretch.middle = above(fit->stretch.low, fit->stretch.low); /* there is nothing to see */
   fit->hounsfield = is_hounsfield(volume, fit->stretch.low, fit->stretch.high);
@@ -195,7 +196,7 @@ tc_volume *tc_fit_body(const tc_fit *fit, const tc_volume *volume, bool (*goes_o
 
 /* ---- scenes ---- */
 
-/* All voxels of a model, of which labels have colours of their own. */
+/* Shows all voxels of a model, coloured by its attribute "label" if it has one. */
 static void show_model(tc_scene *scene, const tc_volume *volume) {
   const tc_volume_stats *s = tc_volume_statistics(volume);
   scene->mode = TC_MODE_SPLAT;

@@ -1,4 +1,4 @@
-/* What the files that fit a scene to a volume share. */
+/* Shared by the files that fit a scene to a volume. */
 #ifndef TC_FIT_H
 #define TC_FIT_H
 
@@ -7,8 +7,8 @@
 
 /* NULL: no such name. */
 const tc_window_preset *tc_window_preset_named(const char *name);
-/* The patient's axis (LPS) along which a volume is looked at first: 1 from the front; along their normal where it is a few
- * axial (2) or sagittal (0) slices. */
+/* The LPS axis of the first view: 1 (from the front); for a thin stack of axial or sagittal slices the stack's normal,
+ * 2 or 0. */
 int tc_fit_axis(const tc_volume *volume);
 
 #endif

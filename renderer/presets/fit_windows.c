@@ -1,4 +1,4 @@
-/* Windows for projections: from a coarse one of the volume, along the axis that it is looked at first. */
+/* Windows for projections, from a coarse projection of the volume along the axis of the first view. */
 #include <math.h>
 #include <stdlib.h>
 #include <string.h>
@@ -7,15 +7,15 @@
 #include "renderer/tomocast.h"
 #include "renderer/volume/voxel.h"
 
-/* Pixels a side, and samples along a ray, at most. */
+/* Largest number of pixels per side, and of samples along a ray. */
 #define SIDE 96
 #define DEPTH 128
 /* Share of the body's pixels that may be white. */
 #define MOST_WHITE 0.3
-/* A slab through the middle, as a share of the depth, for mode minip. */
+/* Thickness of the middle slab for mode minip, as a share of the depth. */
 #define SLAB 0.05
 
-/* Pixel by pixel: of all samples, and of those of a slab in the middle. */
+/* Per pixel: results over all samples, and over those of a slab in the middle. */
 typedef struct sheet {
   double most[SIDE * SIDE], mean[SIDE * SIDE], least[SIDE * SIDE];
   int count;
@@ -74,7 +74,7 @@ static int by_value(const void *a, const void *b) {
   return (x > y) - (x < y);
 }
 
-/* What this share of sorted values is below. */
+/* Percentile of sorted values. */
 static double percentile(const double *sorted, int count, double share) { return sorted[(int)(share * (count - 1))]; }
 
 static int count_below(const double *sorted, int count, double value) {
@@ -84,12 +84,12 @@ static int count_below(const double *sorted, int count, double value) {
 }
 
 static void set_window(tc_fit *fit, tc_mode mode, double black, double white) {
-  if (!(white - black > 1e-6 * fabs(black))) white = black + fmax(1, 1e-3 * fabs(black)); /* of one value */
+  if (!(white - black > 1e-6 * fabs(black))) white = black + fmax(1, 1e-3 * fabs(black)); /* a single value */
   fit->windows[mode].center = 0.5 * (black + white);
   fit->windows[mode].width = white - black;
 }
 
-/* Vessels where that leaves the body grey, else bone, else what the picture itself has. */
+/* The window for vessels if it leaves the body grey, else that for bone, else percentiles of the projection. */
 static void fit_mip(tc_fit *fit, const double *sorted, int count) {
   static const char *const names[] = {"ct-angio", "ct-bone"};
   const int air = count_below(sorted, count, fit->dense);
@@ -105,7 +105,7 @@ static void fit_mip(tc_fit *fit, const double *sorted, int count) {
 }
 
 void tc_fit_windows(tc_fit *fit, const tc_volume *volume, const tc_volume *body) {
-  sheet *s = tc_volume_sparse(volume) ? NULL : malloc(sizeof *s); /* slices and projections are of grids */
+  sheet *s = tc_volume_sparse(volume) ? NULL : malloc(sizeof *s); /* slices and projections need a grid */
   if (!s) return;
   project(body ? body : volume, s);
   double *const lists[] = {s->most, s->mean, s->least};

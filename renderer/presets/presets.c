@@ -1,11 +1,11 @@
 /* Presets of transfer functions and windows.
  *
- * The ct-* and mr-* families with published Hounsfield (or raw MR) values follow the numbers radiology viewers share,
- * so that a picture looks as its reader expects; opacity is per 1 mm. Their separate colour and opacity lists are
- * merged here into one: every value of either list is a knot, the other list read by linear interpolation. Where the
- * published opacities are meant for a maximum projection or for shading only, gentler ones stand here (ct-soft-tissue,
- * and the unit distance of the translucent ones), so that the picture shows depth without light. Relative presets have
- * knot values 0..1 of the volume's range and serve volumes whose modality nobody knows. */
+ * The ct-* and mr-* families have the Hounsfield (or raw MR) values that radiology viewers share, so that a picture
+ * looks as its reader expects; opacity is per 1 mm. Their separate colour and opacity lists are merged into one: every
+ * value of either list is a knot, the other list is interpolated linearly. Published opacities that are meant for a
+ * maximum projection or for shading are lower here (ct-soft-tissue, and the unit distance of the translucent presets),
+ * so that the unlit picture shows depth. Relative presets have knot values 0..1 of the volume's range and serve volumes
+ * of unknown modality. */
 #include "renderer/presets/fit.h"
 
 #include <string.h>
@@ -59,7 +59,7 @@ static const tc_knot ct_fat[] = {{-1000, {0.3, 0.3, 1}, 0},
                                  {659.15, {1, 0.912535, 0.0374849}, 0},
                                  {952, {1, 0.834334, 0.0709996}, 0},
                                  {2952, {1, 0.300267, 0.299886}, 0}};
-/* Meant for scans whose tissue is parted from air at about 115: relative, for receivers differ. */
+/* Designed for scans whose threshold between air and tissue is about 115; relative, because receivers differ. */
 static const tc_knot mr_default[] = {{0.06, {0.168627, 0, 0}, 0},
                                      {0.12, {0.403922, 0.145098, 0.0784314}, 0.15},
                                      {0.36, {0.780392, 0.607843, 0.380392}, 0.3},

@@ -6,24 +6,24 @@
 
 #include "renderer/volume/body_parts.h"
 
-/* Around what stays, in voxels: its edges are mixtures of it and air. */
+/* Margin around the body in voxels: the partial volume at its edges. */
 #define HALO 2
 
 typedef struct body {
   const tc_volume *volume;
   const tc_body_options *options;
   int n[3];
-  double soft[2], dense[2]; /* voxels, as stored: from, to */
-  bool padded;              /* there are values above the options' most */
-  bool parted;              /* there are parts that are left out */
+  double soft[2], dense[2]; /* ranges of stored voxels: from, to */
+  bool padded;              /* the volume has padding to remove */
+  bool parted;              /* there are parts to remove */
   tc_body_parts parts;
   uint8_t *mask;       /* [nx] */
-  int low[3], high[3]; /* voxels that are kept, inclusive */
+  int low[3], high[3]; /* bounding box of the result, inclusive */
 } body;
 
 static bool goes_on(const body *b) { return !b->options->goes_on || b->options->goes_on(b->options->user); }
 
-/* ---- what is dense ---- */
+/* ---- thresholds ---- */
 
 #define DENSE_OF(name, type)                                                                                           \
   static void dense_##name(const type *v, int n, type from, type to, uint8_t *mask) {                                  \
@@ -41,7 +41,7 @@ static const uint8_t *row_of(const tc_volume *v, int y, int z) {
   return (const uint8_t *)tc_volume_data(v) + row * (size_t)d->dims[0] * tc_voxel_size(d->type);
 }
 
-/* Adds the voxels of a row within from..to to the mask: compared in their own type, many at once. */
+/* Adds the voxels of a row within from..to to the mask. Compares in the voxel type, which vectorises. */
 static void mark(const body *b, int y, int z, double from, double to) {
   const void *v = row_of(b->volume, y, z);
   const tc_voxel_type type = tc_volume_describe(b->volume)->type;
@@ -62,7 +62,7 @@ static int least(int a, int b) { return a < b ? a : b; }
 
 /* ---- parts ---- */
 
-/* Cells of a row with a voxel of the range are of that place. */
+/* Sets the class of each cell in a row of cells that has a voxel in the range. */
 static void fill_cells(body *b, int cy, int cz, const double range[2], uint8_t place) {
   const int *size = b->parts.voxels;
   memset(b->mask, 0, (size_t)b->n[0]);
@@ -88,7 +88,7 @@ static bool find_parts(body *b) {
   return tc_body_parts_find(&b->parts, b->options->goes_on, b->options->user);
 }
 
-/* ---- the volume that is left ---- */
+/* ---- the cropped volume ---- */
 
 static void whole_box(body *b) {
   for (int k = 0; k < 3; k++) b->low[k] = 0, b->high[k] = b->n[k] - 1;
@@ -102,7 +102,7 @@ static void hold_cell(body *b, const int at[3]) {
   }
 }
 
-/* The box of what stays. */
+/* Bounding box of the kept cells, with the margin. */
 static void find_box(body *b) {
   const int *n = b->parts.n;
   for (int k = 0; k < 3; k++) b->low[k] = b->n[k], b->high[k] = -1;
@@ -114,7 +114,8 @@ static void find_box(body *b) {
     }
 }
 
-/* Marks near what is hidden: all but what is dense and stays. False: nothing is hidden near the row. */
+/* Marks the voxels of a row in cells with TC_CELL_NEAR, except those of kept cells that are dense or soft. False: the
+ * row has no such cell. */
 static bool mark_hidden(body *b, int y, int z) {
   const int *size = b->parts.voxels;
   const uint8_t *cells = tc_body_parts_row(&b->parts, y / size[1], z / size[2]);
@@ -132,7 +133,7 @@ static bool mark_hidden(body *b, int y, int z) {
   return near;
 }
 
-/* Marks what of a row goes: what is hidden, and padding. False: nothing. */
+/* Marks the voxels of a row that are removed: hidden parts and padding. False: none. */
 static bool mark_row(body *b, int y, int z) {
   const tc_volume_desc *d = tc_volume_describe(b->volume);
   const double past = (b->options->most - d->intercept) / d->slope;
@@ -159,14 +160,14 @@ static tc_volume *new_volume(const body *b) {
   return tc_volume_new(&d, NULL);
 }
 
-/* The air as a voxel, within what voxels there are. */
+/* The stored voxel of air, clamped to the volume's range. */
 static double air_voxel(const body *b) {
   const tc_volume_desc *d = tc_volume_describe(b->volume);
   const tc_volume_stats *s = tc_volume_statistics(b->volume);
   return fmin(fmax((b->options->air - d->intercept) / d->slope, s->voxel_min), s->voxel_max);
 }
 
-/* The same voxel so many times. */
+/* Writes `count` equal voxels. */
 static void put(void *to, tc_voxel_type type, size_t count, double voxel) {
   size_t size = tc_voxel_size(type), done = size;
   switch (type) {

@@ -4,34 +4,39 @@
 #include <stdlib.h>
 #include <string.h>
 
-/* Cells along the middle one of the volume's three extents. */
+/* Cells along the median of the volume's three extents. */
 #define CELLS 128
-/* Of a part's cells, at least, outside of the body. */
+/* Smallest share of a removed part's cells that are outside the body. */
 #define OUTSIDE 0.6
-/* A shell's thickness, in cells. */
+/* Thickness of a shell in cells, at most. */
 #define THIN_CELLS 2.5
-/* Of the cells of a part, at most, that are deep in it: an arm has more, a table with rails does not. */
+/* Largest share of deep cells (is_deep()) of a removed part: an arm has more, a table with rails has fewer. */
 #define DEEP 0.1
-/* A board's thickness beside the body's and its own width, and its width beside the body's. */
+/* A board: thickness relative to the larger of the body's thickness and the board's width, at most; width relative to
+ * the body's, at least. */
 #define THIN 0.2
 #define WIDE 0.4
-/* A shell that touches the body: its cells behind all of the body, at least, and its width beside the body's. */
+/* A removed part that touches the body: smallest share of its cells behind the whole body; smallest width relative to
+ * the body's. */
 #define BEHIND 0.4
 #define LARGE 0.25
-/* What is sure to be a table: its least extent beside its largest, its surface on the body, at most. */
+/* A certain table: smallest extent relative to the largest, and share of its surface that touches the body; both at
+ * most. */
 #define FLAT 0.4
 #define TOUCHING 0.08
-/* A sheet's least extent beside its largest, at most. */
+/* A sheet: smallest extent relative to the largest, at most. */
 #define SHEET 0.1
-/* Cells around the body that are its edge, where that is softer than it. */
+/* Width in cells of the body's soft edge. */
 #define EDGE_CELLS 2
-/* Or a board, or thin and wide, with no more of its surface on the body: a wall of the chest is joined all around. */
+/* A board, or a thin and wide part, is also removed if at most this share of its surface touches the body: the chest
+ * wall is connected all around. */
 #define BARELY 0.025
 
-/* Of what is dense, the body has at least so much; else it is no solid one, and was cut by mistake. */
+/* Smallest share of the dense cells that the opened body keeps. With less, the object is not solid (a dry skull), and
+ * the opening is undone. */
 #define SOLID 0.75
 
-/* Places while parts are being found. */
+/* Further classes of cells, used only while parts are found. */
 enum { EDGE = TC_CELL_HIDDEN + 1, CORE, OTHER, REST, LEFT, THICK, PART };
 
 typedef struct span {
@@ -42,12 +47,12 @@ typedef struct finder {
   tc_body_parts *p;
   size_t count;
   uint8_t *marks, *scratch; /* [count] */
-  uint8_t *soft;            /* [count]: softer than the body, and not its edge */
+  uint8_t *soft;            /* [count]: soft cells that are not the body's edge */
   uint32_t *queue;          /* [count]: the cells of a part */
   span *rows, *columns;     /* [n2 * n1], [n2 * n0]: the body's extent along x and y */
-  span *slices;             /* [n2]: along y */
-  bool solid;               /* the body is what the opening left */
-  double thickness, width;  /* of the body: as of a sheet, and its middle extent, mm */
+  span *slices;             /* [n2]: the body's extent along y */
+  bool solid;               /* the body is the result of the opening */
+  double thickness, width;  /* of the body, mm: thickness_of() and extent_of() */
   bool (*goes_on)(void *user);
   void *user;
 } finder;
@@ -55,7 +60,7 @@ typedef struct finder {
 typedef struct part {
   size_t cells, outside, under, behind, deep;
   int low[3], high[3];
-  double surface, contact; /* all of it, and with what stays: mm2 */
+  double surface, contact; /* mm2: whole surface, and the share in contact with kept cells */
 } part;
 
 static int by_size(const void *a, const void *b) {
@@ -71,7 +76,8 @@ static double middle_of(double a, double b, double c) {
 
 static size_t cells_of(const tc_body_parts *p) { return p->stride[2] * (size_t)(p->n[2] + 2); }
 
-/* Where the y axis leads along the patient, of those that lead there at all. */
+/* Direction of the y axis along the patient's anterior-posterior axis, 1 to the back; 0 if it is not along that
+ * axis. */
 static int back_of(const double direction[9]) { return fabs(direction[4]) < 0.7 ? 0 : direction[4] > 0 ? 1 : -1; }
 
 bool tc_body_parts_init(tc_body_parts *parts, const tc_volume *volume) {
@@ -102,7 +108,7 @@ void tc_body_parts_finish(tc_body_parts *parts) {
 
 /* ---- neighbours ---- */
 
-/* Marks the cells of a place and their 26 neighbours. */
+/* Marks the cells of a class and their 26 neighbours (a dilation). */
 static void mark_around(finder *f, uint8_t place) {
   for (size_t i = 0; i < f->count; i++) f->marks[i] = f->p->cells[i] == place;
   for (int k = 0; k < 3; k++) {
@@ -120,7 +126,7 @@ static void place_of(const finder *f, size_t i, int at[3]) {
   for (int k = 2; k >= 0; i %= f->p->stride[k--]) at[k] = (int)(i / f->p->stride[k]) - 1;
 }
 
-/* Moves the connected cells of one place to another one, and lists them in the queue. Returns how many. */
+/* Flood fill: moves the connected cells of one class to another and lists them in the queue. Returns their number. */
 static size_t flood(finder *f, size_t seed, uint8_t from, uint8_t to) {
   uint8_t *cells = f->p->cells;
   const size_t *stride = f->p->stride;
@@ -147,7 +153,7 @@ static void find_cores(finder *f, uint8_t place) {
     if (f->p->cells[i] == place && !f->marks[i]) f->p->cells[i] = CORE;
 }
 
-/* Cores, and what of the place is around them. */
+/* Dilates the cores within the cells of a class, and moves cores and added cells to class `grown`. */
 static void grow_cores(finder *f, uint8_t place, uint8_t grown) {
   uint8_t *cells = f->p->cells;
   mark_around(f, CORE);
@@ -155,7 +161,7 @@ static void grow_cores(finder *f, uint8_t place, uint8_t grown) {
     if (cells[i] == CORE || (f->marks[i] && cells[i] == place)) cells[i] = grown;
 }
 
-/* Returns how many there were. */
+/* Moves all cells of one class to another. Returns their number. */
 static size_t move_all(finder *f, uint8_t from, uint8_t to) {
   size_t moved = 0;
   for (size_t i = 0; i < f->count; i++) {
@@ -166,7 +172,7 @@ static size_t move_all(finder *f, uint8_t from, uint8_t to) {
   return moved;
 }
 
-/* What is soft around the body is its edge; the rest of it may be a table's. */
+/* Soft cells next to the body are its edge; the other soft cells may belong to a table. */
 static void take_edge(finder *f) {
   for (int i = 0; i < EDGE_CELLS; i++) {
     mark_around(f, TC_CELL_KEPT);
@@ -177,8 +183,8 @@ static void take_edge(finder *f) {
   move_all(f, TC_CELL_SOFT, REST);
 }
 
-/* The largest core and what is around it, or all that is connected with it; the rest is REST. False: there is no core.
- */
+/* The body: the largest core, dilated, or if that is not solid the whole connected component. Other dense cells become
+ * REST. False: there is no core. */
 static bool find_body(finder *f) {
   size_t most = 0, seed = 0;
   find_cores(f, TC_CELL_DENSE);
@@ -208,7 +214,7 @@ static void widen_span(span *s, int at) {
   if (at > s->last) s->last = (int16_t)at;
 }
 
-/* Along an axis, mm. */
+/* Extent of a part along axis k, mm. */
 static double extent_along(const finder *f, const part *a, int k) {
   return (a->high[k] - a->low[k] + 1) * f->p->side[k];
 }
@@ -217,7 +223,7 @@ static double extent_of(const finder *f, const part *a) {
   return middle_of(extent_along(f, a, 0), extent_along(f, a, 1), extent_along(f, a, 2));
 }
 
-/* Of a sheet its thickness, mm. */
+/* Twice the volume over the surface, mm: the thickness of a sheet. */
 static double thickness_of(const finder *f, const part *a) {
   const double *side = f->p->side;
   return 2 * (double)a->cells * side[0] * side[1] * side[2] / a->surface;
@@ -236,7 +242,7 @@ static void add_cell(const finder *f, size_t i, const int at[3], uint8_t place, 
   }
 }
 
-/* Whether two cells on along each axis the part is there still, or the volume at an end. */
+/* True if along each axis, in both directions, the next two cells belong to the part or lie outside the volume. */
 static bool is_deep(const finder *f, size_t i, uint8_t place) {
   for (int k = 0; k < 6; k++) {
     const size_t stride = f->p->stride[k / 2], next = k % 2 ? i + stride : i - stride;
@@ -249,7 +255,8 @@ static bool is_deep(const finder *f, size_t i, uint8_t place) {
 
 static part no_part(void) { return (part){.low = {INT32_MAX, INT32_MAX, INT32_MAX}, .high = {-1, -1, -1}}; }
 
-/* Beyond its ends the body counts as lying where its last slice does: what goes on there is not beside it. */
+/* Repeats the extents of the body's first and last slice beyond them, so that a table that continues there is not
+ * counted as outside merely for lack of a body. */
 static void extend_body(finder *f, int low, int high) {
   const size_t rows = (size_t)f->p->n[1], columns = (size_t)f->p->n[0];
   for (int z = 0; z < f->p->n[2]; z++) {
@@ -261,7 +268,7 @@ static void extend_body(finder *f, int low, int high) {
   }
 }
 
-/* Where the body is: in each row along x, in each column and each slice along y. */
+/* Extents of the body: of each row along x, of each column and each slice along y. */
 static void measure_body(finder *f) {
   const int *n = f->p->n;
   const span none = {INT16_MAX, INT16_MIN};
@@ -297,7 +304,7 @@ static bool is_behind(const finder *f, span s, int at) {
   return f->p->back > 0 ? at > s.last : f->p->back < 0 && at < s.first;
 }
 
-/* The part that is in the queue. */
+/* Measures the part whose cells are in the queue. */
 static part measure(const finder *f, size_t cells) {
   part a = no_part();
   for (size_t j = 0; j < cells; j++) {
@@ -317,21 +324,21 @@ static bool is_board(const finder *f, const part *a) {
   return thickness_of(f, a) < THIN * fmax(f->thickness, width) && width >= WIDE * f->width;
 }
 
-/* The least extent beside the largest. */
+/* Smallest extent relative to the largest. */
 static double flatness_of(const finder *f, const part *a) {
   const double x = extent_along(f, a, 0), y = extent_along(f, a, 1), z = extent_along(f, a, 2);
   return fmin(fmin(x, y), z) / fmax(fmax(x, y), z);
 }
 
-/* A sheet behind the body: a table's, however much of the body lies on it. */
+/* A flat sheet behind the body: a table top, however much of the body lies on it. */
 static bool is_sheet(const finder *f, const part *a) {
   const double width = extent_of(f, a);
   return flatness_of(f, a) < SHEET && width >= LARGE * f->width && thickness_of(f, a) < THIN * width &&
          (double)a->under >= OUTSIDE * (double)a->cells;
 }
 
-/* What no branch, bone or vessel is: wide and flat, behind the body and hardly in contact with it; where the body is
- * not solid, behind and apart. */
+/* Criteria that no branch, bone or vessel meets: wide and flat, behind the body and hardly in contact with it; if the
+ * body is not solid, completely behind and not in contact. */
 static bool is_table(const finder *f, const part *a) {
   const double behind = f->solid ? 0.5 : 1, touching = f->solid ? TOUCHING : 0, wide = f->solid ? LARGE : WIDE;
   return extent_of(f, a) >= wide * f->width && flatness_of(f, a) < FLAT &&
@@ -350,7 +357,7 @@ static bool goes(const finder *f, const part *a, uint8_t place) {
   return thin;
 }
 
-/* Decides on the connected parts of a place: hidden, or what they are else. Returns whether one is hidden. */
+/* Moves each connected part of a class to TC_CELL_HIDDEN or to `otherwise`. Returns whether any is hidden. */
 static bool choose(finder *f, uint8_t place, uint8_t otherwise) {
   bool hidden = false;
   for (size_t i = 0; i < f->count; i++) {
@@ -364,8 +371,8 @@ static bool choose(finder *f, uint8_t place, uint8_t otherwise) {
   return hidden;
 }
 
-/* Beside what is hidden and around it, also what is foam within a table and cloth beside it: not dense, but to be seen
- * in projections. */
+/* Marks the surroundings of hidden cells, and air outside the body. Foam inside a table and cloth next to the table lie
+ * there: they are not dense, but would show in projections. */
 static void mark_near(finder *f) {
   mark_around(f, TC_CELL_HIDDEN);
   for (size_t i = 0; i < f->count; i++)
@@ -381,7 +388,7 @@ static void mark_near(finder *f) {
 
 static bool goes_on(const finder *f) { return !f->goes_on || f->goes_on(f->user); }
 
-/* Where there is a table, what is soft and beside the body is foam and cloth. */
+/* In a scan with a table, soft parts outside the body are foam and cloth. */
 static void hide_soft(finder *f) {
   for (size_t i = 0; i < f->count; i++) {
     int at[3];
@@ -391,7 +398,8 @@ static void hide_soft(finder *f) {
   }
 }
 
-/* Decides on the rest, whole and then parted into cores and shells; what is not hidden becomes `stays`. */
+/* Decides on the connected parts of the rest, first whole and then opened into cores and shells; parts that are not
+ * hidden become `stays`. */
 static bool choose_all(finder *f, uint8_t stays) {
   bool hidden = choose(f, REST, LEFT);
   find_cores(f, LEFT);
@@ -408,7 +416,7 @@ static bool find(finder *f) {
   if (f->p->strict && choose_all(f, OTHER)) {
     hidden = true;
     if (f->solid) hide_soft(f), move_all(f, OTHER, REST);
-    f->p->strict = false; /* what else there is of the table needs no more proof */
+    f->p->strict = false; /* a table was found: its other parts need not be certain */
     choose_all(f, TC_CELL_KEPT);
     move_all(f, OTHER, TC_CELL_KEPT);
   }

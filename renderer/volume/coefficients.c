@@ -6,16 +6,16 @@
 #include <string.h>
 
 #define POLE (-0.26794919243112270647) /* sqrt(3) - 2 */
-#define HORIZON 44                     /* |POLE|^44 is below double's last bit */
-#define COLUMNS 64                     /* filtered side by side */
+#define HORIZON 44                     /* samples after which |POLE|^n is below the last bit of a double */
+#define COLUMNS 64                     /* columns filtered together */
 
 uint64_t tc_coefficients_bytes(const tc_volume *volume) {
   const int *n = tc_volume_describe(volume)->dims;
   return (uint64_t)n[0] * (uint64_t)n[1] * (uint64_t)n[2] * sizeof(float);
 }
 
-/* Solves `width` <= COLUMNS neighbouring columns of n samples, `stride` floats apart: a causal filter down, its
- * mirror up. The column continues mirrored and periodic beyond both ends, with end samples repeated. */
+/* Filters `width` <= COLUMNS neighbouring columns of n samples, `stride` floats apart: a causal filter downwards, then
+ * the anticausal one upwards. Boundary: half-sample symmetric (mirrored with end samples repeated), hence periodic. */
 static void filter_columns(float *p, int n, ptrdiff_t stride, int width) {
   double sum[COLUMNS] = {0}, weight = 1, z = POLE;
   int reach = 2 * n < HORIZON ? 2 * n : HORIZON;

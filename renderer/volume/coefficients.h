@@ -1,9 +1,8 @@
-/* B-spline coefficients of a volume (prefiltering): with coefficients in place of voxels, the cubic filter, which
- * otherwise smooths, passes through every voxel.
+/* B-spline coefficients of a volume (prefiltering). The cubic filter smooths voxels; applied to the coefficients, it
+ * interpolates them.
  *
- * Along each axis c solves (c[i-1] + 4 c[i] + c[i+1]) / 6 = v[i] with the edge's coefficient repeated outside, as
- * the filter reads it (Unser, Aldroubi and Eden, B-spline signal processing, IEEE Trans. Signal Processing 41(2),
- * 1993). */
+ * Along each axis c solves (c[i-1] + 4 c[i] + c[i+1]) / 6 = v[i], with the edge coefficient repeated outside as the
+ * filter does (Unser, Aldroubi and Eden, B-spline signal processing, IEEE Trans. Signal Processing 41(2), 1993). */
 #ifndef TC_COEFFICIENTS_H
 #define TC_COEFFICIENTS_H
 
@@ -13,18 +12,18 @@
 /* Memory in bytes: four per voxel. */
 uint64_t tc_coefficients_bytes(const tc_volume *volume);
 
-/* Unfinished coefficients: 512^3 voxels take a second, so the work can be interrupted. */
+/* Coefficients under construction. 512^3 voxels take a second, so the work can be interrupted. */
 typedef struct tc_coefficients tc_coefficients;
 
 tc_coefficients *tc_coefficients_begin(const tc_volume *volume, GError **error);
-/* Works on until the coefficients are complete; false: the pool's halt, to be called again. pool NULL: on the
+/* Continues until the coefficients are complete. False: the pool was halted; call again to continue. pool NULL: on the
  * calling thread. */
 bool tc_coefficients_go_on(tc_coefficients *c, const tc_volume *volume, tc_pool *pool);
-/* Progress of the work; it only grows. */
+/* Progress, never decreasing. */
 int64_t tc_coefficients_steps(const tc_coefficients *c);
 uint64_t tc_coefficients_held(const tc_coefficients *c); /* bytes allocated */
-/* Returns the complete coefficients, and frees c: a sealed f32 volume in the same place and unit, owned by the
- * caller. Coefficients exceed the voxels' range where the data have sharp peaks. */
+/* Frees c and returns the complete coefficients: a sealed f32 volume of the same geometry and unit; the caller unrefs.
+ * Coefficients exceed the range of the voxels at sharp peaks. */
 tc_volume *tc_coefficients_take(tc_coefficients *c);
 void tc_coefficients_free(tc_coefficients *c); /* NULL is fine */
 

@@ -8,20 +8,21 @@
 #include "renderer/volume/demo.h"
 #include "renderer/volume/demo_shapes.h"
 
-/* Who is asked, and told how far it is: on the caller's thread. */
+/* Progress callback, called on the caller's thread. */
 typedef struct asker {
   bool (*goes_on)(void *user, double fraction); /* or NULL */
   void *user;
 } asker;
 
-/* Slices are made in float, then stored in the volume's type. */
+/* Slices are computed in float, then stored in the volume's type. */
 typedef struct demo_job {
   tc_volume *volume;
   const tc_volume_desc *desc;
   void (*fill)(const struct demo_job *job, int z, float *slice);
   const tc_shape *shapes;
   int n_shapes;
-  float background, noise; /* before shapes; amplitude added after, in the volume's unit */
+  float background, noise; /* in the volume's unit: value before shapes are painted; amplitude of noise added
+                              afterwards */
   float *slices;           /* one per worker */
   const asker *asker;
   atomic_bool given_up;

@@ -89,7 +89,7 @@ static void rod(list *l, float value, float x0, float y0, float z0, float r0, fl
           .kind = TC_CAPSULE, .a = {x0, y0, z0}, .b = {x1, y1, z1}, .ra = r0, .rb = r1, .value = value, .edge = 2.2f});
 }
 
-/* Both sides of the midline. */
+/* Two ellipsoids, mirrored at the midline. */
 static void balls(list *l, float value, float x, float y, float z, float rx, float ry, float rz) {
   ball(l, value, x, y, z, rx, ry, rz);
   ball(l, value, -x, y, z, rx, ry, rz);
@@ -240,7 +240,7 @@ static float random_unit(uint32_t *state) {
   return (float)(*state >> 8) / 16777216.0f;
 }
 
-/* start: a place and a direction. */
+/* start: position and direction. */
 static void branch(list *l, const float start[6], float radius, float length, int depth, uint32_t *state) {
   float p[3] = {start[0], start[1], start[2]}, d[3] = {start[3], start[4], start[5]};
   int pieces = 5;

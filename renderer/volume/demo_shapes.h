@@ -1,4 +1,5 @@
-/* Soft-edged shapes for demo volumes, painted in order, later over earlier. mm in LPS, centred at the origin. */
+/* Soft-edged shapes for demo volumes, painted in order, later ones over earlier ones. mm in LPS, centred at the
+ * origin. */
 #ifndef TC_VOLUME_DEMO_SHAPES_H
 #define TC_VOLUME_DEMO_SHAPES_H
 
@@ -18,7 +19,7 @@ typedef struct tc_shape {
 void tc_shape_paint(const tc_shape *shape, const int dims[3], const double origin[3], double spacing, int z,
                     float *slice);
 
-/* malloc'ed lists. */
+/* Lists of shapes; the caller frees them with free(). */
 tc_shape *tc_shapes_head(int *count);
 tc_shape *tc_shapes_vessels(int *count);
 

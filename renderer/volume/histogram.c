@@ -19,7 +19,7 @@ static void count_voxels(const binning *b, double voxel, uint64_t n) {
 
 static void count_voxel(void *user, double voxel) { count_voxels(user, voxel, 1); }
 
-/* Integers without gaps: counts each of the at most 65536 values first. False: out of memory. */
+/* Integers without NaN voxels: counts each of the at most 65536 values first. False: out of memory. */
 static bool count_integers(const binning *b, tc_voxel_type type, const void *voxels, size_t n) {
   const bool wide = tc_voxel_size(type) == 2;
   uint64_t *of = calloc(65536, sizeof *of);

@@ -4,9 +4,9 @@
 #include <stdlib.h>
 
 #define BINS 65536
-/* A lone value is padding only if the others are at least this many: masks and labels have few. */
+/* Padding requires at least this many other values: masks and labels have fewer. */
 #define FEW_VALUES 16
-/* Padding below the range is at least this many range widths away. */
+/* Padding below the range is at least this many widths of the range away. */
 #define FAR_BELOW 4
 #define FAR_ABOVE 1
 
@@ -69,7 +69,7 @@ static void count(tc_values *values, const tc_volume *volume, double lo, double 
   const tc_sparse *sparse = tc_volume_sparse(volume);
   if (sparse) sparse->each(sparse->model, count_lone, &(lone){values, start, scale});
   for (size_t row = 0; row < rows && !sparse; row += every) count_row(values, d->type, v + row * n * size, n, start, scale);
-  for (int end = 0; end < 2; end++) { /* they count even if the sampled rows miss them */
+  for (int end = 0; end < 2; end++) { /* lo and hi count even if the sampled rows miss them */
     const double at = ((end ? hi : lo) - start) * scale;
     uint64_t *c = &values->counts[at < BINS - 1 ? (int)at : BINS - 1];
     *c += *c == 0;
@@ -90,7 +90,7 @@ static bool has_many(const tc_values *v, int from, int to) {
   return used == FEW_VALUES;
 }
 
-/* Moves an end of the range past padding; false: there is none. */
+/* Moves an end of the range past padding. False: no padding. */
 static bool leave_padding(tc_values *v) {
   const int above = next_used(v, v->first, 1), below = next_used(v, v->last, -1);
   if (v->last - v->first < FEW_VALUES) return false;
@@ -129,7 +129,7 @@ tc_values *tc_values_of(const tc_volume *volume) {
   count(values, volume, s->voxel_min, s->voxel_max);
   find_range(values);
   double lo = s->voxel_min, hi = s->voxel_max;
-  const bool padded = !tc_volume_sparse(volume); /* what was segmented has none */
+  const bool padded = !tc_volume_sparse(volume); /* a segmented object has no padding */
   for (int ends = 0; ends < 2 && padded && leave_padding(values); ends++) {
     if (d->type != TC_F32) continue; /* one bin per value: already exact */
     range_within(values, volume, &lo, &hi);

@@ -8,8 +8,8 @@
 
 #include "renderer/volume/voxel.h"
 
-/* Kernels read beyond the last voxel: pairs of voxels as 32 bits, whole vectors at row ends. This many bytes of
- * zeros follow it. */
+/* Bytes of zeros after the last voxel: kernels read beyond it (pairs of voxels as 32 bits, whole vectors at row
+ * ends). */
 #define TAIL_PAD_BYTES 256
 
 struct tc_volume {
@@ -95,7 +95,7 @@ static bool check_grid(const tc_volume_desc *d, GError **error) {
   return true;
 }
 
-/* Makes the columns unit vectors, as far as a file's rounding goes; refuses anything else. */
+/* Normalises columns that are unit vectors up to a file's rounding; refuses all others. */
 static bool normalise_direction(tc_volume_desc *d, double to_index[9], GError **error) {
   for (int k = 0; k < 3; k++) {
     double length = sqrt(d->direction[k] * d->direction[k] + d->direction[3 + k] * d->direction[3 + k] +
@@ -116,7 +116,7 @@ static bool normalise_direction(tc_volume_desc *d, double to_index[9], GError **
   return true;
 }
 
-/* A volume with its place, and no voxels yet. */
+/* A volume with its geometry, without voxels. */
 static tc_volume *placed(const tc_volume_desc *desc, GError **error) {
   if (!check_grid(desc, error)) return NULL;
   tc_volume *v = calloc(1, sizeof *v);
@@ -201,14 +201,14 @@ static void mend_f32(float *p, size_t n, float lo, float hi, float gap) {
     if (!isfinite(p[i])) p[i] = isnan(p[i]) ? gap : p[i] > 0 ? hi : lo;
 }
 
-/* Inside a gap, where no voxel around has a value: 0 in a map of signed values, where the minimum would be the
- * strongest deactivation; the least value elsewhere, as in HU. */
+/* Stored voxel of a gap whose neighbours are gaps too: 0 in a signed map, where the minimum would be the strongest
+ * deactivation; else the smallest value, as for HU. */
 static double value_of_gap(const tc_volume *v, const sealing *s) {
   const double zero = 0 - v->desc.intercept / v->desc.slope; /* never -0 */
   return s->lo < zero && zero < s->hi && strcmp(v->desc.unit, "HU") != 0 ? zero : s->lo;
 }
 
-/* Records which voxels are NaN. Without memory for that, they count as their replacement. */
+/* Records which voxels are NaN. If out of memory, gaps are forgotten and show their replacement. */
 static void mark_gaps(tc_volume *v, size_t at, size_t n) {
   const float *p = (const float *)v->voxels;
   for (size_t i = at; i < at + n; i++) {
@@ -225,7 +225,7 @@ static void mark_gaps(tc_volume *v, size_t at, size_t n) {
 
 static bool is_gap(const tc_volume *v, size_t i) { return v->gaps && v->gaps->voxels[i]; }
 
-/* The mean of the voxels around a gap that have a value; `otherwise` where none has. */
+/* The mean of the finite voxels around a gap; `otherwise` if there are none. */
 static float mean_around(const tc_volume *v, size_t i, float otherwise) {
   const size_t nx = (size_t)v->desc.dims[0], ny = (size_t)v->desc.dims[1];
   const int at[3] = {(int)(i % nx), (int)(i / nx % ny), (int)(i / nx / ny)};
@@ -477,8 +477,8 @@ static bool value_of_nearest(const tc_volume *v, const double index[3], double *
   return true;
 }
 
-/* Positions this close to the box count as on it: they come as decimals, and rounding must not exclude the first and
- * last planes. */
+/* Positions this close to the box count as inside: they arrive as rounded decimals, which must not exclude the first
+ * and last planes. */
 #define BOX_SLACK 1e-3
 
 bool tc_volume_value_at(const tc_volume *volume, const double index[3], double *value) {

@@ -34,14 +34,14 @@ typedef struct tc_volume_desc {
   double window_center, window_width; /* the file's own window; width 0 = none */
 } tc_volume_desc;
 
-/* Values of usable scales neither overflow nor vanish in double precision, whatever the voxels. */
+/* With a usable scale, no voxel value overflows or underflows in double precision. */
 #define TC_MOST_SCALE 1e100
 
 static inline bool tc_scale_is_usable(double slope, double intercept) {
   return fabs(slope) <= TC_MOST_SCALE && fabs(slope) >= 1 / TC_MOST_SCALE && fabs(intercept) <= TC_MOST_SCALE;
 }
 
-/* Found by sealing. Values are in the volume's unit (slope and intercept applied). */
+/* Computed by tc_volume_seal(). Values are in the volume's unit (slope and intercept applied). */
 typedef struct tc_volume_stats {
   double min, max;            /* of the values; min <= max */
   double voxel_min, voxel_max; /* of the stored voxels */
@@ -50,33 +50,33 @@ typedef struct tc_volume_stats {
 
 typedef struct tc_volume tc_volume;
 
-/* Allocates zeroed storage of dims voxels with a readable tail pad (kernels fetch pairs). Checks dims, their product
- * (at most 2^31-1 voxels), spacing, direction (invertible) and slope; TC_ERROR_INVALID, _LIMIT or _MEMORY. */
+/* Allocates zeroed storage of dims voxels with readable padding behind them (kernels fetch pairs). Checks dims, their
+ * product (at most 2^31-1 voxels), spacing, direction (invertible) and slope; TC_ERROR_INVALID, _LIMIT or _MEMORY. */
 tc_volume *tc_volume_new(const tc_volume_desc *desc, GError **error);
 
-/* [dims z][dims y][dims x] of desc.type, x fastest, no gaps. Writable before tc_volume_seal() only. NULL without a
- * grid. */
+/* [dims z][dims y][dims x] of desc.type, x fastest, contiguous. Writable before tc_volume_seal() only. NULL for a
+ * volume without a grid. */
 void *tc_volume_voxels(tc_volume *volume);
 const void *tc_volume_data(const tc_volume *volume);
 
-/* Ends the filling: finds the range, and replaces and counts non-finite voxels of an f32 volume. +-inf becomes the
- * extremes. NaN is a gap (tc_volume_gaps): no value of tc_volume_value_at() and the histogram. Its voxel becomes the
- * mean of its neighbours that have a value, so that interpolation makes none up; without any, 0 in signed maps other
- * than HU, else the least value. Without any finite voxel, all become 0. An f32 volume whose largest
- * magnitude is above 1e30 or below 1e-30 is scaled by a power of two, which the slope undoes. */
+/* Completes the volume: finds the range, and replaces and counts the non-finite voxels of an f32 volume. Infinities
+ * become the extremes. NaN is a gap (tc_volume_gaps): tc_volume_value_at() and the histogram exclude it. For
+ * interpolation a gap gets the mean of its finite neighbours; without any, 0 in signed maps other than HU, else the
+ * smallest value. If no voxel is finite, all become 0. An f32 volume whose largest magnitude is above 1e30 or below
+ * 1e-30 is scaled by a power of two, which the slope undoes. */
 void tc_volume_seal(tc_volume *volume);
-/* The same, interruptible: returns false, with the volume not sealed, once goes_on() returns false. */
+/* tc_volume_seal(), interruptible: returns false, and leaves the volume unsealed, when goes_on() returns false. */
 bool tc_volume_seal_while(tc_volume *volume, bool (*goes_on)(void *user), void *user);
 
-/* freed() is called after the last reference is dropped and the memory freed, on that thread. At most one per
- * volume. */
+/* Registers a callback for the end of the volume: called after its memory is freed, on the thread that dropped the last
+ * reference. At most one per volume. */
 void tc_volume_when_freed(tc_volume *volume, void (*freed)(void *user), void *user);
 
 /* tc_volume_seal() for voxels that are all finite and whose range is known. */
 void tc_volume_seal_within(tc_volume *volume, double voxel_min, double voxel_max);
 
-/* The gaps of an f32 volume, whose voxels were NaN: u8 on the same grid, 1 in a gap, else 0. NULL: it has none. It lives
- * as long as the volume; the caller may take a reference. */
+/* The gaps of an f32 volume (voxels that were NaN): u8 on the same grid, 1 in a gap, else 0. NULL: no gaps. Lives as
+ * long as the volume; the caller may take a reference. */
 tc_volume *tc_volume_gaps(const tc_volume *volume);
 
 tc_volume *tc_volume_ref(tc_volume *volume);
@@ -84,23 +84,23 @@ void tc_volume_unref(tc_volume *volume); /* NULL is fine */
 
 const tc_volume_desc *tc_volume_describe(const tc_volume *volume);
 const tc_volume_stats *tc_volume_statistics(const tc_volume *volume);
-size_t tc_volume_bytes(const tc_volume *volume); /* of the voxels as they are kept */
+size_t tc_volume_bytes(const tc_volume *volume); /* memory of the voxels */
 uint64_t tc_volume_serial(const tc_volume *volume); /* unique in the process; keys caches */
 
-/* A volume without a grid: of a segmented object only the voxels that are filled are kept, by somebody who knows how
- * (splat/vmd.h). All others are free and have no value. */
+/* A volume without a grid: a segmented object of which only the occupied voxels are stored, in a representation behind
+ * these functions (splat/vmd.h). All other voxels are free and have no value. */
 typedef struct tc_sparse {
   void *model;
-  size_t bytes;                /* that it takes */
+  size_t bytes;                /* memory of the model */
   double voxel_min, voxel_max; /* of the stored voxels */
   bool (*voxel)(const void *model, const int at[3], double *voxel); /* false: free, or outside the grid */
   void (*each)(const void *model, void (*seen)(void *user, double voxel), void *user);
   void (*free)(void *model);
 } tc_sparse;
 
-/* Sealed. Takes the model on success. tc_volume_data() of it is NULL. */
+/* A sealed volume without a grid; owns the model on success. Its tc_volume_data() is NULL. */
 tc_volume *tc_volume_of_sparse(const tc_volume_desc *desc, const tc_sparse *sparse, GError **error);
-const tc_sparse *tc_volume_sparse(const tc_volume *volume); /* NULL: it has a grid */
+const tc_sparse *tc_volume_sparse(const tc_volume *volume); /* NULL: the volume has a grid */
 static inline const void *tc_volume_model(const tc_volume *volume) {
   const tc_sparse *sparse = tc_volume_sparse(volume);
   return sparse ? sparse->model : NULL;
@@ -118,8 +118,9 @@ void tc_volume_lps_to_index_matrix(const tc_volume *volume, double matrix[9]);
 /* The field's box in index space (NUMERICS section 0): [0, n-1], or [-0.5, 0.5] where n = 1. */
 void tc_volume_index_box(const tc_volume *volume, double lo[3], double hi[3]);
 
-/* Trilinear value (in the volume's unit) at an index position; false if it is over 0.001 outside the box, or beside
- * a NaN. Double. Without a grid: the nearest voxel's, false where that is free. */
+/* Trilinear value (in the volume's unit, double precision) at an index position. False if the position is more than
+ * 0.001 outside the box, or a voxel around it is NaN. Without a grid: the nearest voxel's value, false if that voxel is
+ * free. */
 bool tc_volume_value_at(const tc_volume *volume, const double index[3], double *value);
 
 /* A generated demo: "head" "head-labels" (its segmentation) "vessels" "marschner-lobb" "bucky" (without "demo:").

@@ -1,10 +1,10 @@
-/* One reader of single voxels of any type, for code that is not bound by its speed. */
+/* Reads single voxels of any type, for code that is not performance-critical. */
 #ifndef TC_VOXEL_H
 #define TC_VOXEL_H
 
 #include "renderer/volume/volume.h"
 
-/* voxels[i] of a type as stored, exact. */
+/* voxels[i] as stored, exact. */
 static inline double tc_voxel_at(tc_voxel_type type, const void *voxels, size_t i) {
   switch (type) {
   case TC_U8: return ((const uint8_t *)voxels)[i];
