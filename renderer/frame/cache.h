@@ -7,7 +7,7 @@
 /* Bytes of tables, coefficients and structures held now. */
 uint64_t tc_renderer_cached(const tc_renderer *renderer);
 
-/* Drops least recently used resources until at most so many bytes are held. */
+/* Evicts least recently used resources until at most most_bytes are held. */
 void tc_renderer_trim_cache(tc_renderer *renderer, uint64_t most_bytes);
 
 #endif

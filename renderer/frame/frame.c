@@ -86,7 +86,7 @@ static bool is_resumable(const tc_frame *f, int width, int height, const tc_rend
          p->depth == q->want_depth;
 }
 
-/* What is kept of a progress that begins: its memory. */
+/* Resets the progress for a new frame, keeping its memory. */
 static void start_over(tc_progress *p, const tc_render_request *q) {
   tc_progress_drop(p);
   *p = (tc_progress){.finished = p->finished, .capacity = p->capacity, .linear = q->want_linear, .depth = q->want_depth};

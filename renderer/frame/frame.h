@@ -4,29 +4,30 @@
 
 #include "renderer/tomocast.h"
 
-/* A unit that was paused between two rays: what resuming it needs. */
+/* State of a unit that was paused between two rays. */
 typedef struct tc_partial {
   struct tc_partial *next;
   int unit, packet, ray;
   float pixels[]; /* [side][side][4] */
 } tc_partial;
 
-#define TC_WITHIN_BYTES 76 /* per pixel of a picture with surfaces in a volume (mesh_within.c): the frame's and one layer's */
+#define TC_WITHIN_BYTES 76 /* per pixel of a picture with surfaces in a volume (mesh_within.c), with one layer per
+                              pixel */
 
 typedef struct tc_progress {
   bool paused;           /* may be resumed */
-  int fruitless;         /* calls in a row that were paused before they made progress */
+  int fruitless;         /* consecutive calls that were paused before they made progress */
   bool linear, depth;    /* requested outputs */
-  int side, units, done; /* squares of side x side pixels, row by row; how many are finished */
+  int side, units, done; /* units: squares of side x side pixels, row by row; number of units, and of finished ones */
   uint8_t *finished;     /* [units] */
   size_t capacity;
-  int64_t rays_ahead;    /* rays of the partials: grows while no unit is finished */
+  int64_t rays_ahead;    /* rays of the partials: progress while no unit is finished */
   tc_partial *partials;  /* a list, at most one for each worker */
-  double ahead;          /* the partials' progress, in units */
-  void *kept;            /* state of a paused mode that draws no squares; NULL: none */
+  double ahead;          /* progress of the partials, in units */
+  void *kept;            /* state of a paused mode that does not draw by units; NULL: none */
   size_t kept_bytes;
   void (*drop)(void *kept);
-  int refined;           /* how often the mesh had been refined when the frame began */
+  int refined;           /* number of refinements of the mesh when the frame began */
   int tile[4];           /* next tile of a back end that draws in order: x, y, width, height */
 } tc_progress;
 
@@ -39,7 +40,7 @@ void tc_frame_of_mesh(tc_frame *frame, int refined);
 /* Frees progress->kept. */
 void tc_progress_drop(tc_progress *progress);
 
-/* A number that grows with every finished unit and with progress on partial ones. */
+/* A counter that increases with every finished unit and with progress on partial ones. */
 int64_t tc_frame_position(const tc_frame *frame);
 
 /* Divides the picture into unfinished squares of side x side pixels; a resumed frame keeps its squares. NULL with

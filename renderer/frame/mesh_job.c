@@ -14,7 +14,7 @@ static void to_compositing_space(const tc_scene *scene, const double srgb[3], fl
   for (int c = 0; c < 3; c++) color[c] = (float)(scene->image.linear_light ? tc_srgb_to_linear(srgb[c]) : srgb[c]);
 }
 
-/* Light i of the scene, in the words of shading.h. */
+/* Converts light i of the scene and the shading parameters s (shading.h) for the rasteriser. */
 static void add_light(const tc_scene *scene, const tc_mesh_view *view, const tc_shade *s, int i, tc_raster_look *look) {
   static const tc_mesh_light white = {.color = {1, 1, 1}, .intensity = 1};
   const tc_mesh_light *of = scene->mesh.n_lights ? &scene->mesh.lights[i] : &white;
@@ -28,7 +28,7 @@ static void add_light(const tc_scene *scene, const tc_mesh_view *view, const tc_
   }
 }
 
-/* item: of the scene's list; NULL: none. */
+/* item: surface of the scene's list whose overrides apply; NULL: none. */
 static tc_raster_look look_of(const tc_frame_job *job, const tc_mesh_view *view, const tc_mesh_surface *item) {
   tc_scene own = *job->scene; /* borrows */
   const unsigned its = item ? item->own_shading : 0;
@@ -67,14 +67,15 @@ static void plane_of(const tc_frame_job *job, tc_mpr_orientation orientation, do
   plane[3] = -(plane[0] * at[0] + plane[1] * at[1] + plane[2] * at[2]);
 }
 
-/* A slice's grey, as the window has it; what has no value is black. */
+/* The windowed grey of a slice at a position; black where the volume has no value. */
 static void grey_at(const void *user, const double at[3], float color[3]) {
   const tc_mesh_job *m = user;
   const tc_volume_desc *d = tc_volume_describe(m->job->source);
   double lps[3], index[3], value;
   for (int k = 0; k < 3; k++) lps[k] = at[k] + m->job->have.mesh->origin[k];
   tc_volume_lps_to_index(m->job->source, lps, index);
-  for (int k = 0; k < 3; k++) index[k] = fmin(fmax(index[k], 0), d->dims[k] - 1); /* its corners are rounded */
+  for (int k = 0; k < 3; k++) index[k] = fmin(fmax(index[k], 0), d->dims[k] - 1); /* corners of the slice's outline are
+                                                                                     rounded */
   const tc_slice_window *w = &m->window;
   if (!tc_volume_value_at(m->job->source, index, &value)) value = NAN;
   const double node = fmin(fmax(((value - d->intercept) / d->slope - (double)w->lo) * (double)w->sign, 0), (double)w->last);
@@ -100,7 +101,7 @@ size_t tc_mesh_sources(const tc_frame_job *job, tc_mesh_source *of) {
   return n;
 }
 
-/* Surfaces of labels have the colours of their tints, however faint; without any, the isosurface's. */
+/* A label's surface has the label's tint colour at full strength; without a tint, the isosurface's colour. */
 static void label_color(const tc_frame_job *job, uint32_t label, float color[3]) {
   const tc_volume_desc *d = tc_volume_describe(job->label_volume);
   const double entry = (label - d->intercept) / d->slope - job->have.labels->base;
@@ -108,7 +109,7 @@ static void label_color(const tc_frame_job *job, uint32_t label, float color[3])
   for (int c = 0; c < 3; c++) color[c] = e[3] > 0 ? e[c] / e[3] : job->plan->surface.color[c];
 }
 
-/* item: of the scene's list; NULL: there is none. closed: no back of it can be seen, were it opaque. */
+/* item: the part's entry in the scene's list, or NULL. closed: if opaque, its back faces are never visible. */
 static tc_raster_surface surface_of(const tc_frame_job *job, const tc_part *part, const tc_mesh_surface *item, bool closed) {
   tc_raster_surface s = {.opacity = item ? (float)item->opacity : 1, .textured = part->of.kind == TC_SURFACE_OF_PLANE};
   s.one_sided = (closed && s.opacity == 1) || (item && !item->two_sided);
@@ -128,7 +129,8 @@ static void set_channels(tc_mesh_job *m, const tc_scene *scene) {
   m->raster.channels = m->channels;
 }
 
-/* One for each part of the mesh, and their looks: the scene's first, then those of surfaces that have their own. */
+/* Fills a surface for each part of the mesh, and the looks: first the scene's, then those of surfaces that override
+ * it. */
 static bool set_surfaces(tc_mesh_job *m, const tc_frame_job *job, bool from_outside) {
   const tc_clusters *mesh = job->have.mesh;
   const tc_mesh_surface *item = job->scene->mesh.surfaces, *end = item + job->scene->mesh.n_surfaces;
@@ -203,10 +205,10 @@ bool tc_mesh_job_begin(tc_mesh_job *m, const tc_frame_job *job, GError **error) 
 
 void tc_mesh_job_end(tc_mesh_job *m) { free(m->surfaces), free(m->looks), free(m->levels); }
 
-/* Thinner surfaces are looked through, as thinner haze is in dvr. */
+/* Picking ignores surfaces of lower opacity, as it ignores faint haze in dvr. */
 #define LEAST_OPACITY 0.05
 
-/* A part's place in the scene's list; -1: it has none. */
+/* Index of a part in the scene's list; -1: not in the list. */
 static int place_of(const tc_scene *scene, size_t part) {
   for (size_t i = 0; i < scene->mesh.n_surfaces; i++)
     if (tc_mesh_surface_shows(&scene->mesh.surfaces[i]) && part-- == 0) return (int)i;

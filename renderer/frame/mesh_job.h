@@ -14,12 +14,14 @@ typedef struct tc_mesh_job {
   tc_raster_look *looks; /* [n_looks] */
   int n_looks;
   uint8_t *levels; /* level of detail of each group, [have.mesh->n_groups]; NULL: the mesh has one level */
-  tc_slice_window window; /* grey of slices */
-  float channels[256];    /* of vertices' colours, where surfaces have them */
+  tc_slice_window window; /* for the greys of slices */
+  float channels[256];    /* 8-bit channels of vertex colours -> compositing space; filled if a surface has such
+                             colours */
   const tc_frame_job *job;
 } tc_mesh_job;
 
-/* Most layers of all pixels together in a picture with surfaces in a volume; a scene with more is refused. Tests lower it. */
+/* Limit on the layers of all pixels together in a picture with surfaces in a volume (TC_ERROR_LIMIT). Tests lower
+ * it. */
 extern unsigned tc_mesh_most_layers;
 
 /* Sources of the visible surfaces of the scene's list, in its order: fills of[TC_MAX_SURFACES], returns their number. */
@@ -28,7 +30,7 @@ size_t tc_mesh_sources(const tc_frame_job *job, tc_mesh_source *of);
 bool tc_mesh_job_begin(tc_mesh_job *m, const tc_frame_job *job, GError **error); /* TC_ERROR_MEMORY */
 void tc_mesh_job_end(tc_mesh_job *m);
 
-/* How many triangles of a mesh with levels of detail the plan draws; 0: no memory. */
+/* Number of triangles that the plan draws of a mesh with levels of detail; 0: out of memory. */
 size_t tc_mesh_triangles(const tc_clusters *mesh, const tc_plan *plan, const tc_scene *scene);
 
 /* Picks the mesh at pick->at of a picture of the job's size. TC_ERROR_MEMORY. */

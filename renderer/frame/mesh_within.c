@@ -1,9 +1,10 @@
-/* Surfaces within a volume (mesh.withVolume, modes dvr and mip): rays are cast in parts, from one surface to the next, and
- * what the rasteriser (mesh/raster.h) found between two parts is composited there. So an opaque surface ends a ray, and a
- * translucent one has the volume before it and the volume behind it.
+/* Surfaces within a volume (mesh.withVolume, modes dvr and mip). The rasteriser (mesh/raster.h) finds the layers of
+ * each pixel; rays are then cast in parts, from one layer to the next, and each layer is composited between two parts.
+ * An opaque surface thus ends a ray, and a translucent one lies between the volume in front of it and behind it.
  *
- * In mip a part of brightness m is light that covers m of what is behind it, as far as it is brighter than the parts before:
- * without surfaces that is the maximum itself, and where a ray leaves the volume there is black. */
+ * In mip a part of maximum m adds light m and covers the share m of everything behind it, as far as m exceeds the
+ * maximum of earlier parts. Without surfaces the result is the maximum itself; where a ray leaves the volume the
+ * picture is black. */
 #include <math.h>
 #include <pthread.h>
 #include <stdlib.h>
@@ -13,32 +14,32 @@
 #include "renderer/frame/frame.h"
 #include "renderer/frame/mesh_job.h"
 
-#define ENOUGH (1.0f / 4096) /* of the light that comes through: below nothing is seen */
+#define ENOUGH (1.0f / 4096) /* early ray termination: below this transparency nothing is visible */
 
 unsigned tc_mesh_most_layers = 1u << 24;
 
 typedef enum phase { FIND, CAST, COMPOSITE, PUT } phase;
 
-/* Kept while the frame is paused: it goes on where it was left. */
+/* State of the frame, kept while it is paused. */
 typedef struct within {
   const tc_frame_job *job;
   tc_pool *pool;
-  const tc_backend_ops *ops; /* who casts rays */
+  const tc_backend_ops *ops; /* back end that casts rays */
   void *instance;
   size_t pixels;
   phase phase;
   int ray;
-  uint8_t *tiles, *rows; /* those that this phase has finished */
+  uint8_t *tiles, *rows; /* tiles and rows that this phase has finished */
   pthread_mutex_t lock;  /* guards found */
-  tc_raster_seen *found; /* [n_found] of one ray: a pixel's are together and in order */
+  tc_raster_seen *found; /* [n_found]: layers of one ray per pixel, contiguous and sorted for each pixel */
   uint32_t n_found, found_room;
-  uint32_t *next, *end;  /* [pixels]: numbers of the pixel's next layer, and behind its last */
-  float (*span)[2];      /* [pixels]: mm from the eye, of the next part; empty: the ray has ended */
-  float (*sum)[4], (*total)[4]; /* [pixels]: of the ray; of the rays before it */
-  float *clear, *most;   /* [pixels]: light that surfaces let through; greatest grey, -1 before the ray meets the volume */
-  tc_frame part;         /* of the volume */
+  uint32_t *next, *end;  /* [pixels]: index in found of the pixel's next layer, and past its last one */
+  float (*span)[2];      /* [pixels]: start and end of the next part, mm from the eye; empty: the ray has ended */
+  float (*sum)[4], (*total)[4]; /* [pixels]: colour of the current ray; sum over earlier rays */
+  float *clear, *most;   /* [pixels]: transparency so far; greatest grey so far, -1 before the ray meets the volume */
+  tc_frame part;         /* picture of the volume's current part */
   tc_raster_counts counts;
-  int parts; /* of the ray, that are composited */
+  int parts; /* composited parts of the current ray */
   atomic_bool more, too_many, no_memory;
 } within;
 
@@ -62,7 +63,7 @@ static bool make_room(within *w, uint32_t n) {
   return found != NULL;
 }
 
-/* False: it is not appended. */
+/* Appends the layers of a tile. False: too many, or out of memory. */
 static bool append(within *w, const tc_raster_picture *p, uint32_t *first) {
   pthread_mutex_lock(&w->lock);
   *first = w->n_found;
@@ -137,7 +138,7 @@ static void add_layer(within *w, size_t p, const tc_raster_seen *layer) {
   w->clear[p] *= 1 - layer->opacity;
 }
 
-/* A ray's part is there: it, and the surface behind it. */
+/* Composites a part of a ray and the layer behind the part; sets the span of the next part. */
 static void go_on(within *w, size_t p, const float part[4], bool mip) {
   float *span = w->span[p];
   (mip ? add_mip : add_dvr)(w, p, part);
@@ -160,12 +161,12 @@ static void composite_row(within *w, int y) {
     if (w->span[p][0] <= w->span[p][1]) go_on(w, p, w->part.linear + 4 * p, mip);
 }
 
-/* The mean of all rays, into the frame. */
+/* Writes the mean of all rays into the frame. */
 static void put_row(within *w, int y) {
   const tc_frame *frame = w->job->frame;
   const size_t width = (size_t)frame->width, at = (size_t)y * width;
   const float each = 1 / (float)w->job->rays->count;
-  float(*mean)[4] = (float(*)[4])(void *)(w->part.linear + 4 * at); /* no part needs it any more */
+  float(*mean)[4] = (float(*)[4])(void *)(w->part.linear + 4 * at); /* all parts are composited: the buffer is free */
   tc_resolve resolve;
   tc_resolve_init(&resolve, w->job->scene);
   for (size_t x = 0; x < width; x++)
@@ -207,7 +208,7 @@ static bool cast_part(within *w, GError **error) {
   return true;
 }
 
-/* ---- all ---- */
+/* ---- the frame ---- */
 
 static void drop(void *kept) {
   within *w = kept;
@@ -222,7 +223,7 @@ static size_t tiles_of(const tc_frame *f) {
   return ((size_t)f->width + side - 1) / side * (((size_t)f->height + side - 1) / side);
 }
 
-/* What is kept of the frame, or a new one; NULL with *error set. */
+/* The state of a paused frame, or a new one; NULL with *error set. */
 static within *resume(const tc_frame_job *job, GError **error) {
   tc_progress *progress = job->frame->progress;
   within *w = progress->kept ? progress->kept : calloc(1, sizeof *w);
@@ -241,7 +242,7 @@ static within *resume(const tc_frame_job *job, GError **error) {
   return NULL;
 }
 
-/* The phase, from where it was left; then *next. */
+/* Continues the current phase to its end and sets *next to the phase that follows. */
 static bool run_phase(within *w, const tc_mesh_job *mesh, phase *next, GError **error) {
   switch (w->phase) {
   case FIND:
@@ -272,7 +273,7 @@ static int64_t position(const within *w) {
   return n;
 }
 
-/* Of this ray, about: how many parts it has, only its end tells. */
+/* Finished share of the current ray. An estimate: the number of parts is known only at the end. */
 static double share_of_ray(const within *w) {
   int64_t rows = 0;
   if (w->phase == PUT) return 1;
@@ -280,7 +281,7 @@ static double share_of_ray(const within *w) {
   return 0.2 * (double)rows / (double)(tiles_of(w->job->frame) * TC_RASTER_SIDE) + 0.8 * w->parts / (w->parts + 2.0);
 }
 
-/* What is kept of a frame that was left, and how far it is. */
+/* Reports the kept bytes and the progress of the frame. */
 static void account(const within *w, tc_progress *progress) {
   progress->kept_bytes = TC_WITHIN_BYTES * w->pixels + w->found_room * sizeof *w->found;
   progress->ahead = (w->ray + share_of_ray(w)) / w->job->rays->count;

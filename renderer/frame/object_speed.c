@@ -7,7 +7,7 @@
 enum { SIDE = 96, PIXELS = 384, ROUNDS = 6, SLICE_MS = 5 };
 
 struct tc_object_speed {
-  tc_volume *volume; /* NULL: none yet, or no longer */
+  tc_volume *volume; /* NULL before and after the measurement */
   tc_scene scene;
   tc_frame frame;
   tc_object_cost cost;
@@ -16,12 +16,14 @@ struct tc_object_speed {
   double factor[TC_OBJECT_MODES];
 };
 
-/* What the rates' own machine takes, over what they expect: so small an object lies in the cache. */
+/* Measured over expected time on the machine where the rates were fitted: below 1, because this small object fits the
+ * CPU cache. */
 static const double usual[TC_OBJECT_MODES] = {
     [TC_OBJECT_SPLAT] = 0.92, [TC_OBJECT_ISOSURFACE] = 0.7, [TC_OBJECT_MESH] = 0.85};
 
-/* Of a mode's factor beside the modes' mean, the root: in the cache instructions are all that counts, of larger objects
- * memory has its part. (With scalar rays the factor is 5 here and 2 to 3 over scenes of seven volumes.) */
+/* Moves each factor to its geometric mean with the mean of all modes. The small object measures instructions alone;
+ * with larger objects memory matters too, which modes share. (With scalar rays the factor is 5 here, and 2 to 3 over
+ * scenes of seven volumes.) */
 static void temper(double speed[TC_OBJECT_MODES]) {
   double mean = 1;
   for (int m = 0; m < TC_OBJECT_MODES; m++) mean *= pow(speed[m], 1.0 / TC_OBJECT_MODES);
@@ -84,7 +86,7 @@ static bool begin(tc_object_speed *s) {
   return tc_object_cost_of(s->volume, &s->scene, PIXELS, PIXELS, NULL, &s->cost);
 }
 
-/* Of each mode in turn; the first round builds. */
+/* Draws the modes in turn; the first round builds resources and is not timed. */
 static bool draw_next(tc_object_speed *s, tc_renderer *renderer) {
   const int mode = s->drawn % TC_OBJECT_MODES;
   if (!s->volume && !begin(s)) return false;

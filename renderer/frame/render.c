@@ -23,12 +23,12 @@ struct tc_renderer {
   tc_renderer_info info;
   char why[200];
   tc_resources *resources;
-  uint64_t cache_bytes; /* as asked for */
-  tc_object_speed *object_speed; /* NULL: not asked for yet */
-  bool levels;          /* likewise */
+  uint64_t cache_bytes; /* of the options */
+  tc_object_speed *object_speed; /* created on first use */
+  bool levels;          /* of the options */
 };
 
-/* ---- life ---- */
+/* ---- construction ---- */
 
 static const tc_backend_ops *choose_backend(tc_backend wanted, char *why, size_t size) {
   bool hardware = false;
@@ -83,29 +83,30 @@ const tc_renderer_info *tc_renderer_about(const tc_renderer *renderer) { return 
 
 /* ---- frames ---- */
 
-/* Under this share of empty blocks the leaping loop costs more than it saves. */
+/* Below this share of empty blocks, empty-space skipping costs more than it saves. */
 #define LEAST_EMPTY 0.02
-#define MOST_DEAF_MS 20 /* of a back end that looks at no halt meanwhile */
+#define MOST_DEAF_MS 20 /* longest accepted time between a back end's checks of the halt */
 
-/* A frame in the making, or one that somebody only asks about. */
+/* A frame that is drawn, explained or picked. */
 typedef struct drawing {
   tc_renderer *r;
-  const tc_backend_ops *ops; /* who draws: the renderer's back end, or the cpu's in its place */
+  const tc_backend_ops *ops; /* the back end that draws: the renderer's, or the cpu back end instead */
   void *instance;
   tc_plan_request wanted;
   tc_plan plan;
   tc_frame_job job;
   tc_facts facts;
-  tc_frame_stats *stats; /* NULL: nothing is built, and what is not there is no failure */
+  tc_frame_stats *stats; /* NULL: nothing is built, and missing resources are no failure */
 } drawing;
 
-/* The cpu back end beside another one; NULL with *error set. */
+/* The cpu back end of a gl renderer, created on first use; NULL with *error set. */
 static void *stand_in(tc_renderer *r, GError **error) {
   if (!r->stand_in) r->stand_in = tc_cpu_backend.create(&(tc_renderer_options){0}, r->pool, error);
   return r->stand_in;
 }
 
-/* Who draws: the cpu what others could not be interrupted at, if anybody may want to (heard) and they have not begun. */
+/* Chooses the back end that draws. The cpu draws what the renderer's back end refuses, and, if the frame may be
+ * interrupted (heard), what that back end could not interrupt in time. */
 static bool choose_drawer(drawing *d, bool heard, GError **error) {
   tc_renderer *r = d->r;
   const tc_scene *scene = d->job.scene;
@@ -139,7 +140,7 @@ static void make_plan(drawing *d) {
                           d->ops->builds_table(d->instance, &d->plan.table, &d->facts.table_builder);
 }
 
-/* Rays read no structure of empty space. */
+/* Turns empty-space skipping off for the job. */
 static void skip_nothing(tc_frame_job *job) {
   job->key = tc_plan_unskipped(job->key);
   job->have.distance_map = NULL;
@@ -147,7 +148,7 @@ static void skip_nothing(tc_frame_job *job) {
   job->have.bounds = NULL;
 }
 
-/* Of what was found or built just now. */
+/* Updates the job after a resource was found or built. */
 static void take_in(drawing *d, tc_resource which) {
   const tc_resource_kind *kind = &tc_resource_kinds[which];
   const void *thing = d->job.have.of[which];
@@ -157,7 +158,7 @@ static void take_in(drawing *d, tc_resource which) {
   }
   if (which != TC_RESOURCE_COEFFICIENTS) return;
   d->job.volume = d->wanted.field = thing;
-  if (thing) make_plan(d); /* a table spans what is sampled */
+  if (thing) make_plan(d); /* the table's range is that of the sampled field */
 }
 
 static double *stats_ms(tc_frame_stats *stats, tc_resource which) {
@@ -167,7 +168,7 @@ static double *stats_ms(tc_frame_stats *stats, tc_resource which) {
                                         : &stats->tables_ms;
 }
 
-/* Finds what the plan lists, or builds it. */
+/* Finds a resource of the plan, or builds it if the frame is drawn. */
 static bool collect_one(drawing *d, tc_resource which, GError **error) {
   double ms = 0;
   const void *thing = tc_resources_get(d->r->resources, which, &d->job, d->stats ? &ms : NULL, error);
@@ -217,7 +218,7 @@ bool tc_renderer_explain(tc_renderer *renderer, const tc_volume *volume, const t
   explain(&d, false, explanation);
   if (d.ops != &tc_cpu_backend || !tc_is_object(volume, scene)) return true;
   const double *speed = NULL;
-  if (renderer->ops == &tc_cpu_backend) { /* another one would compile programs for it */
+  if (renderer->ops == &tc_cpu_backend) { /* the gl back end would compile programs for the measurement */
     if (!renderer->object_speed) renderer->object_speed = tc_object_speed_new();
     speed = tc_object_speed_go_on(renderer->object_speed, renderer);
   }
@@ -257,7 +258,7 @@ static bool check_table(const tc_render_request *q, GError **error) {
   return false;
 }
 
-/* The cpu back end, whoever else there is: instance is its own. */
+/* Draws by the cpu back end; instance is the cpu back end's. */
 static bool draw_by_cpu(drawing *d, void *instance, GError **error) {
   const tc_drawer drawer = tc_drawers[d->plan.key.mode];
   d->job.isa = tc_cpu_backend.isa(instance);
@@ -265,7 +266,8 @@ static bool draw_by_cpu(drawing *d, void *instance, GError **error) {
   return drawer ? drawer(d->r->pool, &d->job, error) : tc_cpu_backend.render(instance, &d->job, error);
 }
 
-/* Draws by the cpu back end, every sample: what leaps is not the same there, and the picture is. */
+/* Draws by the cpu back end without empty-space skipping: its skipping reads other structures, which would have to be
+ * built; the picture is the same. */
 static bool draw_by_stand_in(drawing *d, GError **error) {
   if (!stand_in(d->r, error)) return false;
   d->job.outlines_table = false;
@@ -277,21 +279,21 @@ static bool draw_by_stand_in(drawing *d, GError **error) {
   return draw_by_cpu(d, d->r->stand_in, error);
 }
 
-/* False: the back end is not ready, and whoever asked does not want to wait. A frame that may be interrupted waits here,
- * while what it waits for is done beside: the back end itself would not hear. */
+/* False: the back end is not ready, and the frame must not wait (hurry) or was halted. An interruptible frame waits
+ * here for work on another thread, because the back end would not check the halt while waiting. */
 static bool is_ready(const drawing *d, bool hurry) {
   if (!d->ops->ready || (!hurry && !d->job.halt->interrupt)) return true;
   while (!d->ops->ready(d->instance, &d->job)) {
     if (hurry || tc_halt_within(d->job.halt)) return false;
     nanosleep(&(struct timespec){.tv_nsec = 500000}, NULL);
   }
-  return hurry || !tc_halt_within(d->job.halt); /* what it uploads may have been cut */
+  return hurry || !tc_halt_within(d->job.halt); /* a halt may have cut an upload short */
 }
 
 static bool draw(drawing *d, bool hurry, GError **error) {
   const tc_renderer *r = d->r;
   const double before = d->stats->tables_ms;
-  /* A frame that was paused goes on with who began it: the two are not the same to the last bit. */
+  /* The back end that began a paused frame also resumes it: the back ends do not agree to the last bit. */
   const bool begun = tc_frame_position(d->job.frame) > 0, hurried = begun && d->stats->stand_in;
   if (d->ops == &tc_cpu_backend) {
     d->stats->stand_in = d->ops != r->ops;
@@ -302,16 +304,16 @@ static bool draw(drawing *d, bool hurry, GError **error) {
     return hurry && !begun ? draw_by_stand_in(d, error) : tc_halt_say(d->job.halt, error);
   const bool within = tc_mesh_is_within(d->job.scene);
   if (within && !stand_in(d->r, error)) return false;
-  if (within) d->job.isa = tc_cpu_backend.isa(d->r->stand_in); /* of the rasteriser */
+  if (within) d->job.isa = tc_cpu_backend.isa(d->r->stand_in); /* for the rasteriser */
   const bool drawn = within ? tc_mesh_within_draw(d->r->pool, d->ops, d->instance, &d->job, error)
                             : d->ops->render(d->instance, &d->job, error);
-  const double took = d->stats->tables_ms - before; /* what the back end built */
+  const double took = d->stats->tables_ms - before; /* time of tables that the back end built */
   if (took > 0) tc_resources_took(r->resources, TC_RESOURCE_TABLE, d->job.have.table, took);
   d->facts.ms[TC_RESOURCE_TABLE] += took;
   return drawn;
 }
 
-/* Everything but the frame's buffers: what the picture needs is collected, then drawn. */
+/* Collects the resources, then draws into the frame's buffers. */
 static bool render_frame(drawing *d, const tc_render_request *request, GError **error) {
   const tc_resources *resources = d->r->resources;
   const int64_t steps = tc_resources_steps(resources);
@@ -326,7 +328,7 @@ static bool render_frame(drawing *d, const tc_render_request *request, GError **
     rays.of_pixel[i].x *= request->pixel_share, rays.of_pixel[i].y *= request->pixel_share;
   d->job.rays = &rays;
   d->job.ledger = request->ledger;
-  if (tc_resources_steps(resources) != steps && tc_halt_between(d->job.halt)) /* its time went into building */
+  if (tc_resources_steps(resources) != steps && tc_halt_between(d->job.halt)) /* the time went into building */
     return tc_halt_say(d->job.halt, error);
   const double start = tc_now_ms(), tables_ms = d->stats->tables_ms;
   const bool drawn = draw(d, request->hurry, error);
@@ -334,7 +336,7 @@ static bool render_frame(drawing *d, const tc_render_request *request, GError **
   return drawn;
 }
 
-/* Which mesh an id means is the caller's. */
+/* Checks that the caller resolved the id of every mesh. */
 static bool check_meshes(const tc_scene *scene, const tc_render_request *request, GError **error) {
   for (size_t i = 0; i < scene->mesh.n_surfaces; i++) {
     if (scene->mesh.surfaces[i].source != TC_SURFACE_OF_MESH || (request->meshes && request->meshes[i])) continue;

@@ -1,4 +1,4 @@
-/* From composited light to the picture's bytes; both back ends call it, so both round alike. */
+/* From composited light to the picture's bytes; shared by both back ends, so that they round alike. */
 #include <emmintrin.h>
 #include <math.h>
 #include <pthread.h>
@@ -6,8 +6,8 @@
 #include "renderer/frame/backend.h"
 #include "renderer/classify/transfer.h"
 
-/* Linear light -> sRGB by a table of 4096 steps with interpolation: within 0.1 of an 8-bit step everywhere but the toe,
- * which is the straight part of the curve and computed. */
+/* Linear light -> sRGB by an interpolated table of 4096 steps: within 0.1 of an 8-bit step. The linear toe of the curve
+ * is computed instead. */
 #define SRGB_STEPS TC_LIGHT_STEPS
 static float srgb_table[SRGB_STEPS + 2], light_table[SRGB_STEPS + 2]; /* linear light -> sRGB, and back */
 static pthread_once_t srgb_once = PTHREAD_ONCE_INIT;
@@ -27,7 +27,7 @@ static float encode_srgb(float c) {
   return srgb_table[i] + (x - (float)i) * (srgb_table[i + 1] - srgb_table[i]);
 }
 
-/* Greys of a slice are display values already: nothing is converted. */
+/* The greys of a slice are display values and are not converted. */
 bool tc_resolve_is_linear(const tc_scene *scene) { return scene->image.linear_light && scene->mode != TC_MODE_MPR; }
 
 void tc_resolve_init(tc_resolve *resolve, const tc_scene *scene) {
@@ -40,7 +40,7 @@ void tc_resolve_init(tc_resolve *resolve, const tc_scene *scene) {
   }
 }
 
-/* A window of next to no width must not become an infinity: infinity times zero is no grey. */
+/* A very narrow window must not give an infinite gain: infinity times zero is NaN. */
 static float bounded(double x) { return (float)fmin(fmax(x, -1e30), 1e30); }
 
 void tc_slice_window_init(tc_slice_window *grey, const tc_volume *volume, const tc_scene *scene) {
@@ -67,8 +67,8 @@ static inline __m128i pixel_over(const float *linear, __m128 behind) {
   return _mm_cvttps_epi32(_mm_add_ps(_mm_mul_ps(c, _mm_set1_ps(255)), _mm_set1_ps(0.5f)));
 }
 
-/* Display space over a colour, the usual case: four pixels at a time, the same arithmetic as below. Returns how many it
- * did. */
+/* The common case, display space over an opaque background: four pixels at a time, with the arithmetic of the scalar
+ * loop. Returns the number of pixels done. */
 static int resolve_opaque(const tc_resolve *r, const float *linear, uint8_t *rgba, int count) {
   const __m128 behind = _mm_setr_ps(r->background[0], r->background[1], r->background[2], 1); /* opacity ends as 1 */
   int i = 0;
@@ -89,7 +89,7 @@ void tc_resolve_row(const tc_resolve *r, const float *linear, uint8_t *rgba, int
   for (int i = done; i < count; i++, linear += 4, rgba += 4) {
     float alpha = linear[3], c[3];
     if (r->transparent) {
-      float scale = alpha > 0 ? 1 / alpha : 0; /* straight alpha, as PNG wants it */
+      float scale = alpha > 0 ? 1 / alpha : 0; /* straight alpha, as in PNG */
       for (int k = 0; k < 3; k++) c[k] = linear[k] * scale;
     } else {
       for (int k = 0; k < 3; k++) c[k] = linear[k] + (1 - alpha) * r->background[k];

@@ -12,7 +12,7 @@ static void append(GByteArray *key, const void *bytes, size_t size) { g_byte_arr
 
 static const tc_volume *field_of(const tc_frame_job *job) { return job->volume; }
 
-/* free, bytes: of a thing of type tc_<name>. */
+/* Defines the functions free and bytes for type tc_<name>. */
 #define FREES(name)                                                                                                    \
   static void free_##name(void *thing) { tc_##name##_free(thing); }
 #define THING(name)                                                                                                    \
@@ -60,7 +60,7 @@ static size_t coefficients_bytes(const void *thing) { return (size_t)tc_volume_b
 
 /* ---- tables ---- */
 
-/* Everything that a table or integrals are made from. */
+/* All inputs of a table or of integrals. */
 static void table_key(const tc_frame_job *job, GByteArray *key) {
   const tc_table_params *p = &job->plan->table;
   const tc_transfer_function *tf = p->tf;
@@ -100,7 +100,7 @@ static void *integrals_begin(const tc_making *m, GError **error) {
 
 /* ---- empty-space skipping ---- */
 
-/* Colours, the step and the compositing space change nothing about where something is seen. */
+/* Only zero or not zero matters for each amount; colours, step and compositing space do not matter. */
 static void support_key(const tc_frame_job *job, GByteArray *key) {
   if (job->plan->key.mode == TC_MODE_ISOSURFACE) {
     append(key, &job->plan->surface.below, sizeof(double));
@@ -123,7 +123,7 @@ static void *support_begin(const tc_making *m, GError **error) {
   return tc_support_build(&plan->table, error);
 }
 
-/* Blocks of a volume, and what else a structure over them is made from. */
+/* Inputs of the acceleration grid, shared by all structures made from it. */
 static void blocks_key(const tc_frame_job *job, GByteArray *key) {
   const uint64_t serial = tc_volume_serial(job->volume);
   append(key, &serial, sizeof serial);
@@ -146,7 +146,7 @@ static bool minmax_go_on(void *thing, const tc_making *m, GError **error) {
 
 static int64_t minmax_steps(const void *thing) { return ((const tc_minmax *)thing)->done; }
 
-/* Most transfer functions are an earlier one, changed a little: the map in use last is where one begins. */
+/* A transfer function is usually a small change of the previous one, so a build reuses layers of the latest map. */
 static bool distance_map_is_like(const void *thing, const void *user) {
   const tc_distance_map *map = thing;
   const tc_frame_job *job = user;
@@ -162,7 +162,7 @@ static void *distance_map_begin(const tc_making *m, GError **error) {
 
 static double distance_map_empty_share(const void *thing) { return ((const tc_distance_map *)thing)->empty_share; }
 
-#define FINE_SHARE 3 /* of the budget, at most */
+#define FINE_SHARE 3 /* fine boxes take at most budget / FINE_SHARE */
 
 static void *fine_begin(const tc_making *m, GError **error) {
   return tc_fine_begin(m->job->volume, m->job->plan->block, m->job->plan->reach, (size_t)(m->budget / FINE_SHARE), error);
@@ -220,12 +220,12 @@ static void *labels_begin(const tc_making *m, GError **error) {
 
 /* ---- mesh ---- */
 
-/* Shares of the budget: while clusters are made, the mesh, what sorts its triangles, and the clusters are all there. */
+/* Share of the budget for a mesh: while clusters are built, the mesh, sorting buffers and clusters exist together. */
 #define MESH_SHARE 0.4
 
 static void free_surfaces(void *thing) { tc_surfaces_free(thing); }
 
-/* The surfaces of all labels that show, which nobody has listed. */
+/* True if the mesh is the surfaces of all visible labels: the scene has labels and no list of surfaces. */
 static bool of_labels(const tc_frame_job *job) {
   return !job->scene->mesh.n_surfaces && tc_plan_has(job->plan, TC_RESOURCE_LABELS);
 }
@@ -238,7 +238,7 @@ static void visible_key(const tc_scene *s, GByteArray *key) {
   append(key, s->labels.visible, all ? 0 : s->labels.n_visible * sizeof *s->labels.visible);
 }
 
-/* What is drawn beside all labels: the list, or the one surface. */
+/* Sources of a mesh that is not of labels: the scene's list, or the one isosurface. */
 static size_t sources_of(const tc_frame_job *job, tc_mesh_source of[TC_MAX_SURFACES]) {
   if (job->scene->mesh.n_surfaces) return tc_mesh_sources(job, of);
   of[0] = (tc_mesh_source){.kind = TC_SURFACE_OF_VALUE, .iso = job->scene->isosurface.value,
@@ -246,7 +246,7 @@ static size_t sources_of(const tc_frame_job *job, tc_mesh_source of[TC_MAX_SURFA
   return 1;
 }
 
-/* Colours change nothing about where a surface is. */
+/* The geometry of the surfaces, without their colours. */
 static void mesh_key(const tc_frame_job *job, GByteArray *key) {
   const uint64_t serial = tc_volume_serial(mesh_tied(job));
   const tc_scene *s = job->scene;
@@ -264,7 +264,7 @@ static void mesh_key(const tc_frame_job *job, GByteArray *key) {
   }
 }
 
-/* Has a surface that the job's mesh has: one that moved among others is the only one to be made. */
+/* True if the mesh shares a surface with the job's: if only one surface of several moved, only that one is built. */
 static bool mesh_is_like(const void *thing, const void *user) {
   const tc_clusters *mesh = thing;
   const tc_frame_job *job = user;
@@ -326,7 +326,7 @@ static bool mesh_refine(void *thing) {
   if (!tc_refining_is_over(c->refining)) return false;
   tc_clusters *levels = tc_refining_end(c->refining);
   c->refining = NULL;
-  if (!levels || !tc_levels_add(c, levels, NULL)) c->refined++; /* not a second time */
+  if (!levels || !tc_levels_add(c, levels, NULL)) c->refined++; /* failed: no second attempt */
   return true;
 }
 
@@ -338,10 +338,10 @@ THING(splats)
 
 static bool splats_labels(const tc_frame_job *job) { return tc_plan_has(job->plan, TC_RESOURCE_LABELS); }
 
-/* The object's: of labels theirs. */
+/* The volume of the object: the label volume if labels are splatted, else the scene's. */
 static const tc_volume *object_of(const tc_frame_job *job) { return splats_labels(job) ? job->label_volume : job->source; }
 
-/* Colours change nothing about which voxels are filled. */
+/* The set of filled voxels, without their colours. */
 static void model_key(const tc_frame_job *job, GByteArray *key) {
   const uint64_t serial = tc_volume_serial(object_of(job));
   const tc_scene *s = job->scene;
@@ -366,7 +366,7 @@ static void *model_begin(const tc_making *m, GError **error) {
   return tc_vmd_of_volume(object_of(m->job), &wish, m->pool, error);
 }
 
-/* What is translucent, or not culled, has an inside. */
+/* Inner voxels are needed if the object is translucent or not culled. */
 static bool has_inside(const tc_scene *scene) { return !scene->splat.opaque || !scene->splat.culling; }
 
 static void splats_key(const tc_frame_job *job, GByteArray *key) {
@@ -408,15 +408,15 @@ static void *cut_begin(const tc_making *m, GError **error) {
   return tc_splats_cut(m->job->have.model, (const double(*)[4])planes, n, tc_pool_halt(m->pool), error);
 }
 
-/* ---- all ---- */
+/* ---- all kinds ---- */
 
-#define MOST_ONCE 4 /* of a transfer function's or a window's, while it is dragged */
+#define MOST_ONCE 4 /* kept of each kind that a drag of the transfer function or window builds anew for each frame */
 
 #define BIT(resource) (1u << TC_RESOURCE_##resource)
-#define FIELD BIT(COEFFICIENTS) /* what is sampled: these, where the plan has them */
+#define FIELD BIT(COEFFICIENTS) /* the sampled field, if the plan has coefficients */
 
 const tc_resource_kind tc_resource_kinds[TC_RESOURCE_COUNT] = {
-    /* Coefficients are what a frame asks for first, and large: for them anything may go. */
+    /* Coefficients are large and the first resource of a frame: they may evict every other resource. */
     [TC_RESOURCE_COEFFICIENTS] = {.store = {"coefficients", free_volume, free_coefficients, true},
                                   .key = coefficients_key,
                                   .tied = coefficients_tied,

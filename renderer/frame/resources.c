@@ -43,14 +43,14 @@ static tc_making making(const tc_resources *r, const tc_resource_kind *kind, con
   return (tc_making){job, like ? like->thing : NULL, r->pool, tc_store_budget(r->store)};
 }
 
-/* What is paused is still being built. */
+/* Reports the resource under construction; a paused build stays reported. */
 static void tell(const tc_frame_job *job, int resource) {
   if (!job->building) return;
   if (atomic_load(&job->building->resource) != resource) atomic_store(&job->building->permille, 0);
   atomic_store(&job->building->resource, resource);
 }
 
-/* Into the store, begun. */
+/* Starts a build and adds it to the store. */
 static tc_stored *begin(tc_resources *r, const tc_resource_kind *kind, const tc_frame_job *job, const GByteArray *key,
                         GError **error) {
   const tc_making m = making(r, kind, job);
@@ -80,7 +80,7 @@ static bool is_whole(const tc_resource_kind *kind, const tc_stored *it, const tc
   return kind->is_whole ? kind->is_whole(it->thing, job) : !it->unfinished;
 }
 
-/* Something is missing that it is built from, or found by. */
+/* True if a resource that this kind depends on is missing. */
 static bool lacks(const tc_resource_kind *kind, const tc_frame_job *job) {
   for (int i = 0; i < TC_RESOURCE_COUNT; i++)
     if (kind->needs >> i & 1 && tc_plan_has(job->plan, (tc_resource)i) && !job->have.of[i]) return true;
@@ -128,8 +128,8 @@ void tc_resources_refine(tc_resources *r, tc_resource which, const void *thing, 
   tc_stored *it = stored(r, which, thing);
   const size_t bytes = kind->refines(thing);
   if (bytes && !begin) return;
-  if (bytes && !tc_store_grow(r->store, it, bytes, NULL)) return; /* it does without */
-  if (!kind->refine(it->thing) && !kind->refines(thing)) return; /* still at work */
+  if (bytes && !tc_store_grow(r->store, it, bytes, NULL)) return; /* no memory: not refined */
+  if (!kind->refine(it->thing) && !kind->refines(thing)) return; /* still running */
   tc_store_resize(r->store, it, held(kind, it->thing, false));
 }
 

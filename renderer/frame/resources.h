@@ -1,11 +1,12 @@
-/* The resources that frames read beside the volume (listed in plan.h): built on first need, shared by all scenes with equal
- * keys, dropped least recently used first when they exceed the budget. One thread at a time (the render thread). A returned
- * resource lives until the next call that builds one of the same kind; a frame asks for each of its resources once.
+/* The resources that frames read in addition to the volume (tc_resource in plan.h): built on demand, shared by all
+ * scenes with equal keys, and evicted least recently used first when they exceed the budget. Render thread only. A
+ * returned resource lives until the next call that builds one of the same kind; a frame requests each of its resources
+ * once.
  *
- * The pool's halt stops a build, and the error says so. Long builds (coefficients, min-max blocks, boxes, tables) are kept
- * unfinished, and the next call for the same resource builds on.
+ * The pool's halt stops a build, with the halt's error. Long builds (coefficients, min-max blocks, boxes, tables,
+ * meshes) are kept unfinished, and the next call for the same resource continues them.
  *
- * resource_kinds.h says how each kind is built. */
+ * resource_kinds.h defines how each kind is built. */
 #ifndef TC_RENDERER_RESOURCES_H
 #define TC_RENDERER_RESOURCES_H
 
@@ -29,11 +30,11 @@ double tc_resources_ms(const tc_resources *r, tc_resource which, const void *thi
  * memory allows. A refined resource gives the same picture faster. */
 void tc_resources_refine(tc_resources *r, tc_resource which, const void *thing, bool begin);
 
-/* A number that grows with every resource built and with every part of a long build. */
+/* A counter that increases with every resource built and with every part of a long build. */
 int64_t tc_resources_steps(const tc_resources *resources);
 
 uint64_t tc_resources_held(const tc_resources *r);
-/* Drops the least recently used until at most so many bytes are held. */
+/* Evicts the least recently used until at most most_bytes are held. */
 void tc_resources_trim(tc_resources *r, uint64_t most_bytes);
 
 /* Drops the resources of a volume and of its coefficients; returns the serial of the coefficients (0: there were none). */

@@ -23,7 +23,7 @@ static void free_thing(const tc_store_kind *kind, void *thing, bool unfinished) 
   if (thing) (unfinished && kind->abandon ? kind->abandon : kind->free)(thing);
 }
 
-/* Of memory that is there, or is gone. */
+/* Accounts for bytes already allocated, or (negative) freed. */
 static void count(tc_store *s, int64_t bytes) {
   s->held += (uint64_t)bytes;
   tc_ledger_count(s->ledger, bytes);
@@ -46,7 +46,8 @@ void tc_store_free(tc_store *store) {
   free(store);
 }
 
-/* Drops the least recently used for one of a kind; kind NULL: of all. False: there is none but `keep`. */
+/* Evicts the least recently used thing of a kind, or of any kind if kind is NULL or displaces all. False: there is none
+ * but `keep`. */
 static bool drop_oldest(tc_store *s, const tc_store_kind *kind, const tc_stored *keep) {
   int oldest = -1;
   for (int i = 0; i < s->count; i++)
@@ -57,7 +58,7 @@ static bool drop_oldest(tc_store *s, const tc_store_kind *kind, const tc_stored 
   return oldest >= 0;
 }
 
-/* What a frame needs may exceed the budget, but not what the ledger has. */
+/* Reserves bytes. One frame's resources may exceed the budget, but not the ledger's. */
 static bool reserve(tc_store *s, const tc_store_kind *kind, size_t bytes, const tc_stored *keep, GError **error) {
   while (s->held + bytes > s->budget && drop_oldest(s, kind, keep)) {}
   while (!tc_ledger_take(s->ledger, bytes)) {
@@ -69,7 +70,7 @@ static bool reserve(tc_store *s, const tc_store_kind *kind, size_t bytes, const 
   return true;
 }
 
-/* Drops the oldest of those that were used once, where there are more than the kind keeps. */
+/* Drops the oldest of the things of a kind that were used only once, if there are more than most_once. */
 static void drop_once_used(tc_store *s, const tc_store_kind *kind) {
   int oldest = -1, count = 0;
   for (int i = 0; i < s->count; i++) {
@@ -93,7 +94,7 @@ tc_stored *tc_store_latest(const tc_store *s, const tc_store_kind *kind,
   tc_stored *latest = NULL;
   for (int i = 0; i < s->count; i++) {
     tc_stored *it = s->items[i];
-    if (it->unfinished && kind->abandon) continue; /* it may be something else yet */
+    if (it->unfinished && kind->abandon) continue; /* an unfinished thing is of another type */
     if (it->kind == kind && (!latest || it->last_use > latest->last_use) && like(it->thing, user)) latest = it;
   }
   return latest;

@@ -11,10 +11,10 @@
 #include "renderer/scene/scene_check.h"
 #include "renderer/splat/vmd.h"
 
-/* A ray takes at most this many samples: more is a mistake in the scene, and float positions end there. */
+/* Limit on the samples of a ray: more is a mistake in the scene, and exceeds the precision of float positions. */
 #define MAX_SAMPLES_PER_RAY 8e6
 
-/* ---- what cannot be rendered meaningfully ---- */
+/* ---- invalid values ---- */
 
 static bool invalid(GError **error, const char *pointer, const char *message) {
   tc_set_error(error, TC_ERROR_INVALID, pointer, "%s: %s", pointer + 1, message);
@@ -47,7 +47,7 @@ static bool check_transfer_function(const tc_transfer_function *tf, const tc_sce
     return invalid(error, "/transferFunction/points", "between 1 and 65536 knots expected");
   if (tf->kind == TC_KNOT_OPACITY && !(tf->unit_distance_mm > 0 && isfinite(tf->unit_distance_mm)))
     return invalid(error, "/transferFunction/unitDistance", "mm above 0 expected");
-  /* The valid scene's mode may read no transfer function: its knots were not checked. */
+  /* In other modes the valid scene's knots were not checked. */
   if (valid && valid->mode == TC_MODE_DVR && same_points(tf, &valid->transfer_function)) return true;
   for (size_t i = 0; i < tf->count; i++) {
     const tc_knot *k = &tf->points[i];
@@ -59,7 +59,7 @@ static bool check_transfer_function(const tc_transfer_function *tf, const tc_sce
   return true;
 }
 
-/* What a mode does not read is not checked. */
+/* Checks the window in the modes that read it. */
 static bool check_window(const tc_scene *scene, GError **error) {
   if (!isfinite(scene->window.center)) return invalid(error, "/window/center", "a finite number expected");
   if (!(scene->window.width > 0) || !isfinite(scene->window.width))
@@ -140,7 +140,7 @@ static bool check_shading(const tc_scene *scene, GError **error) {
   return true;
 }
 
-/* The label volume itself is tc_labels_check()'s. */
+/* tc_labels_check() checks the label volume itself. */
 static bool check_labels(const tc_scene *scene, const tc_scene *valid, GError **error) {
   if (!scene->labels.volume[0] || !tc_mode_has_labels(scene->mode)) return true;
   if (!(scene->labels.opacity >= 0 && scene->labels.opacity <= 1))
@@ -199,7 +199,7 @@ static bool check_mpr(const tc_volume *volume, const tc_scene *scene, GError **e
   return true;
 }
 
-/* ---- what is not built: refused, so that no picture is ever quietly another one ---- */
+/* ---- unsupported combinations: refused, because silently drawing another picture would mislead ---- */
 
 static bool unsupported(GError **error, const char *pointer, const char *what) {
   tc_set_error(error, TC_ERROR_UNSUPPORTED, pointer, "%s: %s is not available in this version", pointer + 1, what);
@@ -239,7 +239,7 @@ static bool check_plane_of(const tc_scene *s, tc_mpr_orientation orientation, GE
   return check_center(s, error) && check_plane(&slice, error);
 }
 
-/* mesh.surfaces, if given, is drawn instead of isosurface.value. */
+/* A list mesh.surfaces replaces the surface of isosurface.value. */
 static bool check_surfaces(const tc_scene *s, GError **error) {
   char pointer[40];
   for (size_t i = 0; i < s->mesh.n_surfaces; i++) {

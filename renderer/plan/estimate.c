@@ -16,11 +16,12 @@
 #define CUT 8
 #define NODES (CUT + 1)
 #define ENDS 4
-#define LAYER 16     /* one of a translucent mesh: drawn, kept and sorted */
-#define HIDDEN 0.25  /* one of an opaque mesh, most of which are behind others */
-#define RAY 256.0    /* samples */
-#define LOOKS 1000   /* at triangles of all meshes */
-#define SURFACES 12 /* splats in units of (voxels)^(2/3): bones and vessels have 1 to 4, and each costs 3 pixels */
+#define LAYER 16     /* samples per pixel and layer of a translucent mesh: layers are drawn, stored and sorted */
+#define HIDDEN 0.25  /* samples per pixel and layer of an opaque mesh, most of which are occluded */
+#define RAY 256.0    /* samples that count as one pixel in tc_estimate_pixels() */
+#define LOOKS 1000   /* triangles of all meshes that are probed for coverage */
+#define SURFACES 12 /* samples per (voxels)^(2/3): bones and vessels have 1 to 4 splats in this unit, each costs 3
+                       pixels */
 
 /* A point on the picture in pixels, and its depth: mm from the eye along the view direction. */
 typedef struct spot {
@@ -32,7 +33,8 @@ typedef struct view {
   const tc_rays *rays;
   int width, height;
   double forward[3]; /* LPS */
-  double origin[3], along[3][3]; /* camera axes (right, up, forward), mm: index 0 from the eye; a voxel's step per axis */
+  double origin[3], along[3][3]; /* along the camera's axes (right, up, forward), mm: from the eye to voxel 0; per voxel
+                                    step of each index axis */
   double pixel; /* side of a pixel in mm; in perspective, at 1 mm from the eye */
   double chord_mm; /* longest ray through a brick if rays are parallel; else infinite */
   double brick_mm3, diagonal_mm, most_tilt; /* of a brick; largest |view| / depth of a ray */
@@ -81,7 +83,7 @@ static spot place(const view *v, const double index[3]) {
   return s;
 }
 
-/* Bounding rectangle of a brick on the picture, and its least depth. False if the brick is behind the eye or clipped
+/* Bounding rectangle of a brick on the picture, and its smallest depth. False if the brick is behind the eye or clipped
  * away. */
 static bool bound(const view *v, const spot *const corners[8], double box[4], double *near) {
   unsigned outside = ~0u;
@@ -97,7 +99,7 @@ static bool bound(const view *v, const spot *const corners[8], double box[4], do
     box[2] = greater(box[2], s->x), box[3] = greater(box[3], s->y);
   }
   if (outside || far <= 0) return false;
-  bool all = v->rays->perspective && *near <= 0; /* the brick may surround the eye: all of the picture */
+  bool all = v->rays->perspective && *near <= 0; /* the brick may contain the eye and cover the whole picture */
   /* Rays pass at most half a pixel from the pixel's centre. */
   box[0] = all ? 0 : greater(floor(box[0] - 0.5), 0), box[2] = all ? v->width : lesser(ceil(box[2] + 0.5), v->width);
   box[1] = all ? 0 : greater(floor(box[1] - 0.5), 0), box[3] = all ? v->height : lesser(ceil(box[3] + 0.5), v->height);
@@ -184,7 +186,7 @@ static double weight(const tc_scene *s) {
   return segment + (gradient == TC_GRADIENT_CUBIC ? 8 : gradient == TC_GRADIENT_CENTRAL ? 4 : 0);
 }
 
-/* Steps a mm of a ray; in mode isosurface, a bound on the cells that it crosses. */
+/* Steps per mm of a ray; in mode isosurface, a bound on the cells that the ray crosses per mm. */
 static double steps_per_mm(const tc_rays *rays, const tc_scene *scene) {
   double cells = 0;
   if (scene->mode != TC_MODE_ISOSURFACE) return 1 / rays->step_mm;
@@ -192,13 +194,13 @@ static double steps_per_mm(const tc_rays *rays, const tc_scene *scene) {
   return cells;
 }
 
-/* Samples of a ray besides its whole steps: at its ends, and the refinement of peaks. */
+/* Samples of a ray in addition to its full steps: at its ends, and for peak refinement. */
 static int ends(const tc_scene *s) {
   bool climbs = s->mode == TC_MODE_MIP || s->mode == TC_MODE_MINIP;
   return ENDS + (climbs ? 2 * TC_PEAK_ROUNDS : 0);
 }
 
-/* What drawing a scene's own meshes takes, beside their pixels once. */
+/* Cost of the layers of a scene's own meshes. */
 static double layers_of(const tc_scene *scene, tc_mesh *const *meshes, int width, int height) {
   double layers = 0;
   size_t n = 0;
@@ -222,7 +224,7 @@ double tc_estimate_samples(const tc_volume *volume, const tc_scene *scene, tc_me
     *longest = each * (scene->mpr.thickness_mm / rays.step_mm + ends(scene)) + (scene->labels.volume[0] ? 1 : 0);
     return *longest * width * height;
   }
-  if (scene->mode == TC_MODE_SPLAT) { /* no upper bound: the cost of a surface of usual size, and of the pixels it covers */
+  if (scene->mode == TC_MODE_SPLAT) { /* an estimate, no bound: a surface of typical size, and the picture's pixels */
     const int *n = tc_volume_describe(volume)->dims;
     const double voxels = (double)n[0] * n[1] * n[2];
     *longest = 1;

@@ -1,4 +1,4 @@
-/* What a frame would cost, before anything of it is drawn. */
+/* Cost of a frame, estimated before it is drawn. */
 #ifndef TC_PLAN_ESTIMATE_H
 #define TC_PLAN_ESTIMATE_H
 
@@ -6,30 +6,32 @@
 #include "renderer/scene/scene.h"
 #include "renderer/volume/volume.h"
 
-/* An upper bound of the samples of a frame of width x height pixels, with nothing skipped and no ray ended early: pixels
- * whose rays can meet the volume, times rays a pixel, times the length of a ray inside over the step, and a few more a ray
- * for its ends and, in mip and minip, around its peak. *longest_ray, unless NULL: of the longest ray alone. Infinite, or 0
- * (nothing to draw), for a scene that tc_plan_check() refuses. Pure; some 20 microseconds; any thread.
+/* Upper bound on the samples of a frame of width x height pixels, without empty-space skipping and early ray
+ * termination: pixels whose rays can meet the volume, times rays per pixel, times samples per ray (length inside the
+ * volume over the step, plus a few at the ends and, in mip and minip, around the peak). *longest_ray, unless NULL: the
+ * bound for the longest ray alone. Infinite, or 0 (nothing to draw), for a scene that tc_plan_check() refuses. Pure;
+ * some 20 microseconds; any thread.
  *
- * One is a trilinear sample: eight voxels fetched and mixed. A sample counts 1 by filters nearest and linear and 8 by
- * cubic (64 voxels). Every segment of dvr counts one sample; with preintegrated2 a second; with labels one more; shaded
- * by central gradients 4 more (32 voxels), by cubic ones 8. An isosurface has no steps: its rays count the cells they
- * pass, and nothing else. Meshes and splats are the exceptions: how many there are is not known before. A mesh counts
- * the samples of the pixels that it may cover once; meshes of a scene's own (`meshes`, at the places of its list of surfaces; NULL:
- * none), drawn alone or within the volume, count what their triangles cover (mesh/coverage.h), a translucent one LAYER
- * samples a layer, since all of its layers are sorted. Splats count what a surface of usual size costs, beside the
- * pixels that it covers.
+ * The unit is one trilinear sample: eight voxels fetched and interpolated. A sample counts 1 with filters nearest and
+ * linear, and 8 with cubic (64 voxels). A segment of dvr counts one sample; preintegrated2 adds a second one, labels
+ * add one, shading by central gradients adds 4 (32 voxels), by cubic gradients 8. An isosurface has no steps: its rays
+ * count the cells that they traverse, and nothing else. For meshes and splats the result is an estimate instead of a
+ * bound, because their numbers are not known in advance. A mesh counts one sample for each ray of the pixels that it
+ * may cover. Meshes of the scene's own (`meshes`, [surfaces of scene.mesh]; NULL: none), drawn alone or within the
+ * volume, count the area that their triangles cover (mesh/coverage.h); a translucent one counts LAYER samples per
+ * layer, because all layers are sorted. Splats count the cost of a surface of typical size and of the pixels of the
+ * picture.
  *
- * How the estimate falls, for a message that proposes a smaller scene: in proportion to the pixels of the picture, to 1 /
- * sampling.step (but for those of the ends; an isosurface's not at all), and, in the projections and isosurfaces, to
- * sampling.raysPerPixel (the rays of dvr share a pixel's samples: there it costs only their ends). In mpr in proportion
- * to mpr.thickness. */
+ * The estimate is proportional to the pixels of the picture; to 1 / sampling.step (except for the samples at the ends;
+ * isosurfaces not at all); in projections and isosurfaces to sampling.raysPerPixel (the rays of dvr share a pixel's
+ * samples: more rays add only samples at the ends); and in mpr to mpr.thickness. Messages that propose a smaller scene
+ * rely on this. */
 double tc_estimate_samples(const tc_volume *volume, const tc_scene *scene, tc_mesh *const *meshes, int width, int height,
                            double *longest_ray);
 
-/* What a frame takes beside others of the same look, in pixels: the geometric mean of its pixels and of the samples of
- * all its rays at a step of 1, 256 of which count as a pixel. Neither alone foretells times while the camera zooms: near
- * views hide more behind what is seen first, and pixels beside the volume cost next to nothing. Pure; any thread. */
+/* Cost of a frame relative to other frames of the same look, in pixels: the geometric mean of its pixels and of its
+ * samples at step 1, where 256 samples count as one pixel. Neither number alone predicts times while the camera zooms:
+ * close views end more rays early, and pixels outside the volume cost next to nothing. Pure; any thread. */
 double tc_estimate_pixels(const tc_volume *volume, const tc_scene *scene, int width, int height);
 
 #endif

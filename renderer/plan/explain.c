@@ -32,7 +32,7 @@ tc_stage tc_stage_of(tc_resource resource) {
   return stages[resource];
 }
 
-/* What is put into words. */
+/* Input and output of the explanation. */
 typedef struct teller {
   const tc_plan *plan;
   const tc_volume *volume;
@@ -93,7 +93,7 @@ static void say_tables(const teller *t) {
   if (t->facts && t->facts->table_builder) add(t, TC_STAGE_TABLE_2D, "; %s", t->facts->table_builder);
 }
 
-/* Where gradients come from. */
+/* How gradients are computed. */
 static void say_gradient(const teller *t) {
   static const char *const ways[2][TC_GRADIENT_COUNT] = {
       {"gradients from the corners that interpolation fetches", "central differences, once a visible segment",
@@ -116,7 +116,7 @@ static void say_gradient(const teller *t) {
     say(t, TC_STAGE_GRADIENT, false, "shading.model is %s", tc_shading_names[s->shading.model]);
 }
 
-/* Why space is skipped or not, before a frame has looked. */
+/* Why empty space is skipped or not, according to the plan. */
 static void say_skipping(const teller *t) {
   const tc_scene *s = t->scene;
   const bool in = t->plan->key.skipping;
@@ -146,7 +146,7 @@ static void say_skipping(const teller *t) {
     say(t, TC_STAGE_SKIPPING, in, "%s", reason);
 }
 
-/* What the frame found out about skipping. */
+/* How skipping went in the frame. */
 static void say_skipped(const teller *t) {
   const tc_facts *f = t->facts;
   if (!f || !t->plan->key.skipping) return;
@@ -172,7 +172,10 @@ static void say_clipping(const teller *t) {
 
 bool tc_meter_refuses(const tc_scene *scene, char *reason, size_t size) {
   const char *member = tc_reference_missing(scene);
-  if (!member || !strcmp(member, "/labels/volume") || !strcmp(member, "/mesh/surfaces")) return false; /* it is given those */
+  if (!member || !strcmp(member, "/labels/volume") || !strcmp(member, "/mesh/surfaces")) return false; /* the meter
+                                                                                                          supplies them
+                                                                                                          to the
+                                                                                                          reference */
   snprintf(reason, size, "the reference has nothing for this %s", member + 1);
   return true;
 }

@@ -1,5 +1,5 @@
-/* A plan in words: every stage of a frame, included or left out, with the reason. Formatted on request only, never for each
- * frame. */
+/* Text explanation of a plan: every stage of a frame, included or left out, with the reason. Formatted only on
+ * request. */
 #ifndef TC_PLAN_EXPLAIN_H
 #define TC_PLAN_EXPLAIN_H
 
@@ -34,17 +34,18 @@ const char *tc_stage_name(tc_stage stage); /* "table-2d" ... */
 typedef struct tc_explained_stage {
   bool included;
   char reason[280];
-  double ms;      /* tc_render(): wall time in that frame; tc_renderer_explain(): time of building its resources, 0 before */
-  uint64_t bytes; /* memory held for it */
+  double ms;      /* tc_render(): wall time in that frame; tc_renderer_explain(): build time of its cached resources,
+                     else 0 */
+  uint64_t bytes; /* memory of its resources */
 } tc_explained_stage;
 
 typedef struct tc_explanation {
-  tc_plan_key key; /* of what runs */
+  tc_plan_key key; /* of the kernel that runs */
   tc_explained_stage stages[TC_STAGE_COUNT];
   int width, height;
   double step_mm;            /* world length of a full segment */
   int table_size;            /* entries per side of the table, or nodes of the 1-D tables; 0 = none (projections) */
-  int subtables;           /* narrower tables that resolve knots which stand too close for it */
+  int subtables;           /* narrower tables, for knots that are too close for the table's nodes */
   double table_lo, table_hi; /* values (volume's unit) of the first and last entry */
   bool has_object;           /* the scene is one opaque object (tc_is_object()), drawn by the cpu */
   tc_object_cost object;     /* expected cost in each mode that can draw it */
@@ -52,16 +53,17 @@ typedef struct tc_explanation {
   char kernel[64];           /* name of the variant that runs, e.g. "dvr.preintegrated.linear.u16.avx512" */
 } tc_explanation;
 
-/* Facts known only once a frame is drawn. */
+/* Facts known only after a frame is drawn. */
 typedef struct tc_facts {
-  tc_plan_key key;           /* the key that runs: the plan's, or unskipped where leaping was no use */
+  tc_plan_key key;           /* the key that ran: the plan's, or without skipping where too little was empty */
   bool fills_in;             /* the cpu draws, without skipping, until OpenGL is ready */
   double empty_share;        /* share of empty blocks; below 0: unknown */
-  const char *table_builder; /* who computes the table and why, where there is a choice; else NULL */
-  const char *deaf;          /* the back end that could not be interrupted in time, so that the cpu draws; else NULL ... */
-  double deaf_ms, pixel_samples; /* ... for this long, at so many samples a pixel */
-  size_t triangles, triangles_in_full; /* drawn, and of the full mesh, where there are levels of detail; else 0 */
-  const char *refused;       /* why the cpu draws a mode without rays in place of the back end; NULL: the back end draws */
+  const char *table_builder; /* which processor computes the table, and why; NULL: no choice */
+  const char *deaf;          /* the back end that cannot be interrupted in time, so that the cpu draws; else NULL ... */
+  double deaf_ms, pixel_samples; /* ... milliseconds between its checks of the halt, and samples per pixel */
+  size_t triangles, triangles_in_full; /* of the levels of detail drawn, and of the full mesh; 0 without levels */
+  const char *refused;       /* why the cpu draws a mode without rays instead of the back end; NULL: the back end
+                                draws */
   double ms[TC_RESOURCE_COUNT];
   uint64_t bytes[TC_RESOURCE_COUNT];
 } tc_facts;
@@ -69,12 +71,12 @@ typedef struct tc_facts {
 /* The stage that a resource belongs to. */
 tc_stage tc_stage_of(tc_resource resource);
 
-/* facts: NULL before a frame. The kernel's name lacks the back end's words. Pure. */
+/* facts: NULL before a frame. The kernel's name lacks the back end's suffix. Pure. */
 void tc_plan_explain(const tc_plan *plan, const tc_volume *volume, const tc_scene *scene, const tc_facts *facts,
                      tc_explanation *explanation);
 
-/* Adds the expected cost of the scene's object in each mode that can draw it, for scenes that the cpu draws. speed, cancel: as for
- * tc_object_cost_of(). Takes some milliseconds. */
+/* Adds the expected cost of the scene's object in each mode that can draw it, for scenes that the cpu draws. speed:
+ * factors for tc_object_cost_scale(), or NULL. cancel: as for tc_object_cost_of(). Takes some milliseconds. */
 void tc_explain_object(const tc_volume *volume, const tc_scene *scene, const double speed[TC_OBJECT_MODES],
                        const atomic_bool *cancel, tc_explanation *explanation);
 
@@ -82,8 +84,8 @@ void tc_explain_object(const tc_volume *volume, const tc_scene *scene, const dou
 bool tc_explain(const tc_volume *volume, const tc_scene *scene, int width, int height, tc_explanation *explanation,
                 GError **error);
 
-/* Why a scene's frames cannot be measured by the error meter (quality/meter.h), one
- * phrase in `size` bytes; false: they can be. Pure. */
+/* True if the error meter (quality/meter.h) cannot measure the scene's frames; `reason` (of `size` bytes) then says why
+ * in one phrase. Pure. */
 bool tc_meter_refuses(const tc_scene *scene, char *reason, size_t size);
 
 #endif

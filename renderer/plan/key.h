@@ -1,19 +1,19 @@
-/* The key of a plan: all that kernels and shaders know of one. */
+/* The key of a plan: the part of a plan that selects the kernel or shader variant. */
 #ifndef TC_PLAN_KEY_H
 #define TC_PLAN_KEY_H
 
 #include <stddef.h>
 #include <stdint.h>
 
-/* Which labels (classify/labels.h) samples look up: those of a label volume, or the volume's own gaps (tc_volume_gaps), which
- * are transparent. */
+/* Labels (classify/labels.h) that samples look up: none, those of a label volume, or the volume's own gaps
+ * (tc_volume_gaps), which are transparent. */
 enum tc_plan_labels { TC_PLAN_NO_LABELS, TC_PLAN_LABELS, TC_PLAN_GAPS };
 
-/* What kernels are specialised on. Two plans with equal keys run the same code. Zeroed before filling: compare with
- * memcmp. */
+/* Kernels are specialised on these members: plans with equal keys run the same code. Zeroed before filling: compare
+ * with memcmp. */
 typedef struct tc_plan_key {
   uint8_t mode;           /* tc_mode */
-  uint8_t voxel_type;     /* tc_voxel_type of what is sampled: coefficients are f32 */
+  uint8_t voxel_type;     /* tc_voxel_type of the sampled field; B-spline coefficients are f32 */
   uint8_t classification; /* tc_classification */
   uint8_t order;          /* tc_compositing_order */
   uint8_t filter;         /* tc_filter */
@@ -23,7 +23,7 @@ typedef struct tc_plan_key {
   uint8_t termination;    /* 0/1 */
   uint8_t skipping;       /* 0/1 */
   uint8_t clipping;       /* 0/1 */
-  uint8_t rays;           /* 0/1: several a pixel */
+  uint8_t rays;           /* 0/1: several rays per pixel */
   uint8_t coherence;      /* 0/1 */
   uint8_t jitter;         /* 0/1 */
   uint8_t labels;         /* tc_plan_labels */

@@ -7,10 +7,10 @@
 #include "renderer/raycast/isosurface.h"
 
 #define SIDE 36        /* probing rays along the longer side of the picture */
-#define NEAR 4         /* voxels: as wide as most blocks */
-#define MOST_STEPS 4e5 /* of all rays; in larger volumes the steps are longer */
+#define NEAR 4         /* voxels: about the width of a block */
+#define MOST_STEPS 4e5 /* of all rays together; in larger volumes the steps are longer */
 
-#define MOST_APART 8 /* voxels between rays: all is lost by then */
+#define MOST_APART 8 /* voxels between neighbouring rays, beyond which they share no cache lines at all */
 
 /* Milliseconds per unit of each term, fitted on two threads of an AMD EPYC (Zen 4). */
 static const double rates[TC_OBJECT_MODES][TC_TERM_COUNT] = {
@@ -27,11 +27,11 @@ tc_mode tc_object_mode_of(tc_object_mode mode) {
 typedef struct walk {
   const tc_volume *volume;
   const tc_rays *rays;
-  double least; /* threshold as a stored voxel; `below`: the object lies below it, since the slope is negative */
-  bool below;
-  double pixel_rays; /* pixels per probing ray */
-  double mm;         /* of a step */
-  double pixel_mm;   /* side of a pixel at 1 mm from the eye; for parallel rays, anywhere */
+  double least; /* threshold as a stored voxel */
+  bool below;   /* negative slope: the object is at or below the threshold */
+  double pixel_rays; /* pixels per probing ray, in thousands */
+  double mm;         /* length of a step */
+  double pixel_mm;   /* side of a pixel: at 1 mm from the eye, or for parallel rays anywhere */
   double voxel_mm2;  /* mean area of a voxel's faces */
   double *terms;
 } walk;
@@ -84,8 +84,8 @@ static void place(const line *l, double t, int at[3]) {
   for (int k = 0; k < 3; k++) at[k] = (int)(l->at[k] + t * l->along[k] + 0.5);
 }
 
-/* Whether the surface is near: of the voxels NEAR away along the axes, and NEAR / 2 towards the corners, is one on the
- * other side of it? */
+/* True if the surface is near: one of the voxels NEAR away along the axes, or NEAR / 2 along the diagonals, is on its
+ * other side. */
 static bool is_near(const walk *w, const int at[3], bool inside) {
   for (int i = 0; i < 14; i++) {
     int beside[3] = {at[0], at[1], at[2]};
@@ -96,7 +96,7 @@ static bool is_near(const walk *w, const int at[3], bool inside) {
   return false;
 }
 
-/* Marches one ray through the volume: steps up to its first hit, and all surfaces that it crosses. */
+/* Marches one ray through the volume; counts steps up to its first hit, and all crossings of the surface. */
 static void walk_line(const walk *w, const line *l) {
   double *terms = w->terms;
   bool was = false, hit = false;

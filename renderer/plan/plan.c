@@ -11,7 +11,8 @@
 #include "renderer/classify/transfer.h"
 #include "renderer/skip/skip.h"
 
-/* Half a pixel is nobody's to see; what moves, in a picture that the ladder makes small, is seen less well. */
+/* Largest error of a level of detail, in pixels: half a pixel is invisible; motion and a reduced picture size hide
+ * more. */
 #define PIXELS_AT_REST 0.5
 #define PIXELS_MOVING 1
 
@@ -22,9 +23,9 @@ static void need_mesh(tc_plan *plan, const tc_plan_request *request) {
   plan->mesh_pixels = request->moving ? PIXELS_MOVING : PIXELS_AT_REST;
 }
 
-/* ---- parts that several modes have ---- */
+/* ---- parts shared by several modes ---- */
 
-/* What is sampled, and by which filter. */
+/* The sampled field and its filter. */
 static void plan_field(tc_plan *plan, const tc_volume *volume, const tc_scene *s) {
   bool prefilter = s->filter == TC_FILTER_CUBIC && s->sampling.prefilter;
   plan->key.filter = (uint8_t)s->filter;
@@ -32,7 +33,7 @@ static void plan_field(tc_plan *plan, const tc_volume *volume, const tc_scene *s
   if (prefilter) need(plan, TC_RESOURCE_COEFFICIENTS);
 }
 
-/* Rays through the volume, seen by the scene's camera. */
+/* Rays of the scene's camera. */
 static void plan_view(tc_plan *plan, const tc_volume *volume, const tc_scene *s) {
   plan->key.projection = (uint8_t)s->camera.projection;
   plan->key.rays = s->sampling.rays_per_pixel > 1;
@@ -45,7 +46,7 @@ static void plan_shading(tc_plan *plan, const tc_scene *s) {
     plan->key.gradient = (uint8_t)(s->filter == TC_FILTER_CUBIC ? TC_GRADIENT_CUBIC : s->shading.gradient);
 }
 
-/* Empty space is skipped by structures over blocks, of which `how` is what rays read. */
+/* Empty-space skipping; `how` is the structure that rays read. */
 static void plan_skipping(tc_plan *plan, const tc_scene *s, tc_resource how) {
   plan->key.skipping = 1;
   plan->block = tc_skip_block(s->skipping.block);
@@ -59,7 +60,7 @@ static void plan_labels(tc_plan *plan, const tc_scene *s) {
   if (plan->key.labels) need(plan, TC_RESOURCE_LABELS);
 }
 
-/* Rays hide the volume's own gaps, unless they meet labels already. */
+/* The volume's own gaps are hidden as labels, unless the scene has labels. */
 static void plan_gaps(tc_plan *plan, const tc_volume *volume) {
   if (plan->key.labels || !tc_volume_gaps(volume)) return;
   plan->key.labels = TC_PLAN_GAPS;
@@ -68,7 +69,7 @@ static void plan_gaps(tc_plan *plan, const tc_volume *volume) {
 
 /* ---- the modes ---- */
 
-/* field: what is sampled, as far as it is known. */
+/* field: the sampled field, or the voxels while coefficients are not built. */
 static void plan_table(tc_plan *plan, const tc_volume *field, const tc_scene *scene, const tc_plan_request *request) {
   const tc_volume_desc *d = tc_volume_describe(field);
   const bool integrals = tc_integrals_serve(scene->classification);
@@ -88,7 +89,8 @@ static void plan_table(tc_plan *plan, const tc_volume *field, const tc_scene *sc
   plan->key.subtables = p.n_subtables > 0;
 }
 
-/* Coherence: a ray may start as far as the centre ray skipped, if the space between the two is known to be empty too. */
+/* Coherence: a pixel's rays may start where its centre ray ended its first leap, if the space between them is known to
+ * be empty. */
 static bool is_coherent(const tc_plan *plan, const tc_volume *volume, const tc_scene *s) {
   if (!s->sampling.coherence || !plan->key.rays || !plan->key.skipping) return false;
   tc_rays rays;
@@ -119,7 +121,7 @@ static void plan_projection(tc_plan *plan, const tc_volume *volume, const tc_sce
   plan_view(plan, volume, s);
   plan->grey = tc_grey_make(request->field ? request->field : volume, s);
   plan_gaps(plan, volume);
-  if (plan->key.labels) return; /* where no greater value can be, a ray may still meet its first */
+  if (plan->key.labels) return; /* gaps: a block without a greater value may hold a ray's first visible sample */
   if (s->skipping.mode == TC_SKIPPING_AUTO && s->mode != TC_MODE_AVERAGE) plan_skipping(plan, s, TC_RESOURCE_BOUNDS);
 }
 
@@ -134,14 +136,14 @@ static void plan_isosurface(tc_plan *plan, const tc_volume *volume, const tc_sce
   plan_skipping(plan, s, TC_RESOURCE_DISTANCE_MAP);
 }
 
-/* Some surface of the list is a label's. */
+/* True if a surface of the list is a label's. */
 static bool lists_labels(const tc_scene *s) {
   for (size_t i = 0; i < s->mesh.n_surfaces; i++)
     if (s->mesh.surfaces[i].source == TC_SURFACE_OF_LABEL && tc_mesh_surface_shows(&s->mesh.surfaces[i])) return true;
   return false;
 }
 
-/* Of the scene, or of the first surface that is shaded by one of its own. */
+/* The shading model of the scene, or of a surface that overrides it. */
 static tc_shading_model model_of(const tc_scene *s) {
   tc_shading_model model = s->shading.model;
   for (size_t i = 0; i < s->mesh.n_surfaces && model == TC_SHADING_NONE; i++)
@@ -171,7 +173,7 @@ static void plan_mpr(tc_plan *plan, const tc_volume *volume, const tc_scene *s) 
   need(plan, TC_RESOURCE_LABELS);
 }
 
-/* No rays are cast: the field is sampled nowhere. */
+/* Mode splat casts no rays and does not sample the field. */
 static void plan_splat(tc_plan *plan, const tc_volume *volume, const tc_scene *s, const tc_plan_request *request) {
   plan->resources = 0;
   plan->key.voxel_type = (uint8_t)tc_volume_describe(volume)->type;
