@@ -20,8 +20,8 @@ bool tc_mode_has_labels(tc_mode mode) {
 
 /* ---- colours ---- */
 
-/* Okabe and Ito's seven colours, which people with any colour vision tell apart (jfly.uni-koeln.de/color, 2008), in an
- * order that keeps neighbours far apart; then the same half way to white, and darkened. */
+/* The seven colours of Okabe and Ito, distinguishable with any colour vision (jfly.uni-koeln.de/color, 2008), ordered
+ * so that neighbours differ strongly; then the same colours lightened half way to white, and darkened. */
 const double (*tc_label_palette(size_t *count))[3] {
   static const double palette[TC_LABEL_PALETTE][3] = {
       {0.902, 0.624, 0.000}, {0.337, 0.706, 0.914}, {0.000, 0.620, 0.451}, {0.835, 0.369, 0.000}, {0.800, 0.475, 0.655},
@@ -158,10 +158,10 @@ void tc_labels_free(tc_labels *labels) {
   free(labels);
 }
 
-/* ---- the place ---- */
+/* ---- position ---- */
 
 void tc_labels_matrix(const tc_volume *volume, const tc_volume *labels, double matrix[3][4]) {
-  for (int column = 3; column >= 0; column--) { /* the offset first */
+  for (int column = 3; column >= 0; column--) { /* the offset first: the other columns subtract it */
     double index[3] = {column == 0, column == 1, column == 2}, lps[3], to[3];
     tc_volume_index_to_lps(volume, index, lps);
     tc_volume_lps_to_index(labels, lps, to);
@@ -169,7 +169,7 @@ void tc_labels_matrix(const tc_volume *volume, const tc_volume *labels, double m
   }
 }
 
-/* Whether the bounding box of `a` in b's index space meets b's box. */
+/* True if the bounding box of `a` in b's index space overlaps b's box. */
 static bool meets(const tc_volume *a, const tc_volume *b) {
   double matrix[3][4], lo[3], hi[3], to_lo[3], to_hi[3];
   tc_labels_matrix(a, b, matrix);

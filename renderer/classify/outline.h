@@ -5,23 +5,23 @@
 
 #include "renderer/classify/preintegration.h"
 
-/* A table without entries; tc_table_free() it. NULL with TC_ERROR_MEMORY or the error of the halt (NULL: none);
- * nothing is kept then, since an outline takes only some milliseconds. */
+/* A table without entries; free it with tc_table_free(). NULL with TC_ERROR_MEMORY or the error of the halt (NULL:
+ * none): an outline takes only some milliseconds, so a halted one starts anew. */
 tc_table *tc_table_outline(const tc_table_params *params, const tc_halt *halt, GError **error);
 
-/* Makes the entries of an outline, on the pool (NULL: on the calling thread). like: NULL, or any table; entries over
- * values where nothing changed are copied from a table with the same nodes, length and bits, and the result is the
- * same to the last bit. False with TC_ERROR_MEMORY or the halt's error: the table is still an outline, and another
- * call resumes the work. */
+/* Computes the entries of an outline, on the pool (NULL: on the calling thread). like: NULL, or any table; if it has
+ * the same nodes, length and bits, entries over unchanged values are copied from it, and the result is the same to the
+ * last bit. False with TC_ERROR_MEMORY or the halt's error: the table is still an outline, and another call
+ * continues. */
 bool tc_table_fill(tc_table *table, const tc_table *like, tc_pool *pool, GError **error);
 
-int64_t tc_table_steps(const tc_table *table); /* progress of making the entries; it only grows */
+int64_t tc_table_steps(const tc_table *table); /* progress of the entries, never decreasing */
 
-size_t tc_table_held(const tc_table *table); /* bytes of memory held: more once it has entries */
+size_t tc_table_held(const tc_table *table); /* bytes of memory held, including unfinished entries */
 
-/* What the entries of the table itself (window 0) or a subtable (1 ..) are made from: entry (i, k), k > 0, is the
- * composite of the node intervals i .. i + k - 1, each a segment of 1 / k of the table's length, with colour clamped
- * to opacity times peak. Pointers live as long as the table. */
+/* Inputs of the entries of the table itself (window 0) or of a subtable (1 ..): entry (i, k), k > 0, is the composite
+ * of the node intervals i .. i + k - 1, each a segment of 1 / k of the table's length, with colour clamped to opacity
+ * times peak. Pointers live as long as the table. */
 typedef struct tc_table_window {
   int intervals;         /* node intervals */
   int columns;           /* entries per row */

@@ -19,18 +19,18 @@
 #include "renderer/classify/transfer.h"
 #include "renderer/base/clock.h"
 
-/* A table, and what tc_table_fill() keeps to resume and to copy from it. */
+/* A table, with the state that tc_table_fill() needs to resume and to copy entries from it. */
 typedef struct made {
-  tc_table table; /* first: the public face */
+  tc_table table; /* must be first: the public part */
   tc_v4 peak;     /* the largest value of each channel, and 1 */
   tc_segments axes[1 + TC_MAX_SUBTABLES]; /* of the table and of each subtable */
-  tc_v4 *rows;    /* for each of them, row k = 0 and the row of depths */
-  size_t mapped;  /* bytes of the entries with their pad */
+  tc_v4 *rows;    /* row k = 0 and the row of depths, for the table and each subtable */
+  size_t mapped;  /* bytes of the entries with their padding */
   float *begun;   /* unfinished entries ... */
   int window, diagonal; /* ... and the next diagonal to make */
 } made;
 
-/* The table or a subtable while its entries are made. */
+/* The table or a subtable whose entries are computed. */
 typedef struct builder {
   const tc_segments *axis;
   double step_mm;
@@ -60,14 +60,14 @@ static void diagonal_zero(const tc_segments *axis, double step_mm, tc_v4 peak, t
   }
 }
 
-/* Elementary segments in both directions, room for the suffixes of a block, and where windows go: towards higher nodes
- * and lower ones. */
+/* Elementary segments in both directions, scratch for the suffixes of a block, and the output rows: towards higher
+ * nodes and towards lower ones. */
 typedef struct lanes {
   tc_v4 *ef, *eb, *sf, *sb, *out_f, *out_b;
 } lanes;
 
-/* Windows `from` to `to` of width k. Blocks begin at multiples
- * of k, whatever range is asked for, so that a window is always the same product. */
+/* Windows `from` to `to` of width k. Blocks begin at multiples of k for any range, so that a window is always the same
+ * product, to the last bit. */
 static void sliding_windows(const lanes *l, int k, int from, int to, tc_v4 peak) {
   tc_v4 *out_f = l->out_f, *out_b = l->out_b;
   for (int start = from - from % k; start <= to; start += k) {
@@ -123,10 +123,11 @@ static void build_diagonal(void *context, int index, int worker) {
   sliding_windows(&l, k, from, to, b->peak);
 }
 
-/* ---- life ---- */
+/* ---- memory ---- */
 
-/* The entries of the table that was freed last are kept for the next one of the same shape: faulting in new pages takes
- * longer than filling them, many times as long in a virtual machine. Entries that no look-up reaches are zero in both. */
+/* The entries of the table freed last are kept for the next table of the same shape: page faults take longer than
+ * filling the entries, many times as long in a virtual machine. Entries that no look-up reads are zero in both
+ * tables. */
 typedef struct spare {
   float *entries;
   size_t mapped;
@@ -150,8 +151,8 @@ static void unmap(spare s) {
 #define PAGE ((size_t)2 << 20)
 #define MOST_SPARE (8 * PAGE)
 
-/* Zeroed memory, in huge pages where the system has them. The largest tables use small pages: half of them is never
- * touched, since no look-up reaches it. */
+/* Zeroed memory, in huge pages if available. The largest tables use small pages, because no look-up reads half of their
+ * entries, whose pages are then never allocated. */
 static void *reserve(size_t *bytes) {
   const size_t page = PAGE;
   bool large = *bytes >= page / 2 && *bytes <= 32 * page;
@@ -166,10 +167,10 @@ static void *reserve(size_t *bytes) {
   return from + before;
 }
 
-/* With the row of depths, which is k = n + 2. */
+/* Number of entries, including the row of depths (k = n + 2). */
 static size_t table_entries(int n, int columns) { return (2 * ((size_t)n + 1) + 2) * (size_t)columns; }
 
-/* Columns for nodes 0 .. n and no more: up to 4096 nodes, entry numbers are exact in single precision. */
+/* Columns for nodes 0 .. n only: up to 4096 nodes, entry numbers are then exact in single precision. */
 static made *table_new(const tc_table_params *p) {
   static atomic_uint_fast64_t next_serial = 1;
   made *m = aligned_alloc(16, sizeof *m);
@@ -209,10 +210,10 @@ static tc_v4 brightest(const tc_table_params *p) {
   return peak;
 }
 
-/* Sets m->begun. */
+/* Allocates m->begun. */
 static bool map_entries(made *m) {
   const tc_table *t = &m->table;
-  /* The pad makes the zero-weighted neighbour of the last row readable. */
+  /* The padding makes the neighbour of the last row readable, which a look-up reads with weight 0. */
   m->mapped = t->bytes + (size_t)(t->n + TC_SUBTABLE_NODES) * sizeof(tc_v4);
   const spare like = m->mapped <= MOST_SPARE ? swap_spare((spare){0}) : (spare){0};
   if (like.entries && like.n == t->n && like.n_subtables == t->n_subtables) {

@@ -1,9 +1,9 @@
-/* Pre-integration: the table of a transfer function that classifies segments.
+/* Pre-integration: the table that gives colour and opacity of ray segments under a transfer function.
  *
  * The full pre-integration table (NUMERICS sections 2 and 3) for one segment length d. Node j of the value axis is the
- * voxel value lo + j * (hi - lo) / (n - 1), so data span nodes 0 .. n-1; one more node lets a bilinear look-up at the
- * end read without a test. The table is stored by diagonals: a diagonal is built at once, and because neighbouring
- * samples differ little, few rows near each other are in use:
+ * voxel value lo + j * (hi - lo) / (n - 1), so data span nodes 0 .. n-1; one additional node lets a bilinear look-up at
+ * the end read without a test. The table is stored by diagonals, because a diagonal is built at once, and look-ups stay
+ * within a few adjacent rows, since neighbouring samples differ little:
  *   row(k), k = node(sb) - node(sf) signed, holds at column i = min(node(sf), node(sb))
  *   (R, G, B, alpha): colour with self-attenuation (premultiplied) and opacity of the segment.
  * A lookup at real (ef, eb) = (node(sf), node(sb)): i = min(ef, eb), k = |eb - ef|, bilinear over (k, i) within the
@@ -38,15 +38,16 @@
 /* A window of the value axis: voxel values (not rescaled) of its nodes 0 and TC_SUBTABLE_NODES - 1. */
 typedef struct tc_subtable {
   double lo, hi;
-  double rim; /* margin at either end in nodes of the subtable; more than two nodes of the parent away from the subtable's knots */
+  double rim; /* margin at either end, in nodes of the subtable; it stays more than two nodes of the parent away from
+                 the subtable's knots */
 } tc_subtable;
 
 typedef struct tc_table {
-  int n;             /* nodes that data reach */
+  int n;             /* nodes within the range of the data */
   int columns;       /* n + 1: entries per row */
   double lo, hi;     /* voxel values (not rescaled) of nodes 0 and n-1; lo < hi */
   double step_mm;    /* segment length */
-  int bits;          /* entries are rounded to as many; 0: not rounded */
+  int bits;          /* bits that entries are rounded to; 0: not rounded */
   int n_subtables;       /* coarse ones before finer ones */
   tc_subtable subtables[TC_MAX_SUBTABLES];
   /* entries before the row k = 0 of the table, and of each subtable; subtables follow the table, in rows of TC_SUBTABLE_NODES +
@@ -64,7 +65,7 @@ typedef struct tc_table {
 typedef struct tc_table_params {
   const tc_transfer_function *tf;
   double slope, intercept;      /* voxel -> value */
-  double voxel_lo, voxel_hi;    /* range the nodes span */
+  double voxel_lo, voxel_hi;    /* range of the nodes */
   int n;
   double step_mm;
   bool linear_light;
@@ -76,22 +77,22 @@ typedef struct tc_table_params {
 
 /* Chooses the nodes for p->tf over a volume, the voxel range they span, and the subtables: 256 nodes over the whole type
  * for 8-bit data; else 256 to 2048 over the data's range, depending on the distance of the knots, fewer if subtables
- * suffice. *complete, unless NULL: whether nodes and subtables resolve every knot.
+ * suffice. *complete, unless NULL: true if nodes and subtables resolve every knot.
  *
- * What a complete choice promises for voxels of more than 8 bits. Nodes are at most a quarter apart of the width of
- * a change between two knots, of the way to the next change back, or of the part of a rise of extinction that turns
- * a voxel from transparent to opaque. An isolated change that is steeper may be displaced by TC_EDGE_UNITS or
- * TC_EDGE_SHARE, and colours inside it widened as much. Apart from that, rays of up to seven segments of half a
- * voxel, through a field that is linear along them, near any knot and at any rate of change, have an error in
- * opacity and colour of at most 1/15; averaged over the sample positions at most 1/30, in 19 of 20 transfer
- * functions 1/100, in half of them 1/2500 (measured: tests/unit/test_preintegration_choice.c; the worst rays dwell in the
- * bend at the foot of a dense rise, or end inside a peak of several colours). */
+ * Accuracy of a complete choice, for voxels of more than 8 bits: the distance of nodes is at most a quarter of the
+ * width of a change between two knots, of the distance to the next change back, or of the part of a rise of extinction
+ * that turns a voxel from transparent to opaque. A steeper isolated change may be displaced by TC_EDGE_UNITS or
+ * TC_EDGE_SHARE, and colours inside it are widened by as much. Apart from that, rays of up to seven segments of half a
+ * voxel, through a field that is linear along the ray, near any knot and at any rate of change, have an error in
+ * opacity and colour of at most 1/15; averaged over the sample positions at most 1/30, in 19 of 20 transfer functions
+ * 1/100, in half of them 1/2500 (measured: tests/unit/test_preintegration_choice.c; the worst rays linger in the bend
+ * at the foot of a dense rise, or end inside a peak of several colours). */
 void tc_table_choose(const tc_volume *volume, tc_table_params *p, bool *complete);
 
 /* Sets only the subtables, for a given p->n and range of nodes. */
 void tc_table_subtables(const tc_volume *volume, tc_table_params *p, bool *complete);
 
-/* Builds the table on the pool (NULL: on the calling thread). NULL with TC_ERROR_MEMORY. */
+/* Builds the table on the pool (NULL: on the calling thread); the caller frees. NULL with TC_ERROR_MEMORY. */
 tc_table *tc_table_build(const tc_table_params *params, tc_pool *pool, GError **error);
 void tc_table_free(tc_table *table); /* NULL is fine */
 

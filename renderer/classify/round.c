@@ -1,4 +1,4 @@
-/* Entries rounded as a narrower format would, to measure what smaller tables cost. */
+/* Rounds entries to a narrower format, to measure the error of smaller tables. */
 #include <math.h>
 
 #include "renderer/classify/preintegration.h"

@@ -15,12 +15,12 @@ struct tc_piece {
   double from[3], to[3]; /* colour, compositing space */
 };
 
-/* Four node intervals of one piece each, side by side, for segments so short that a series suffices. */
+/* Four node intervals of one piece each, in SIMD layout, for segments so short that a series suffices. */
 struct tc_quad {
   tc_v4 depth, tilt; /* depth: extinction */
   tc_i4 graded;      /* all bits or none */
   tc_v4 from[4], to[4]; /* colour, with 1 for opacity */
-  float longest_mm;     /* longest segment they are good for; 0 if one of the four has a knot inside */
+  float longest_mm;     /* longest segment for which the series is accurate; 0 if one of the four has a knot inside */
 };
 
 #define MOST_DEPTH 1e30 /* sums stay finite */
@@ -46,7 +46,7 @@ static void make_piece(const tc_segments *s, double width, double v0, double v1,
   q->tilt = q->mean > 0 ? fmin(fmax((tau1 - tau0) / (2 * q->mean), -1), 1) : 0;
   tc_segments_color(s->params, in0, q->from);
   tc_segments_color(s->params, in1, q->to);
-  if (s->params->linear_light) { /* the mean exact */
+  if (s->params->linear_light) { /* shifts both ends so that the line has the mean of the curve (Simpson's rule) */
     double middle[3];
     tc_segments_color(s->params, 0.5 * (v0 + v1), middle);
     for (int c = 0; c < 3; c++) {
@@ -70,12 +70,12 @@ static bool add_piece(tc_segments *s, double width, double v0, double v1) {
   return true;
 }
 
-#define ERROR 5e-7 /* of a piece's colour, from taking colour and extinction as linear */
+#define ERROR 5e-7 /* error of a piece's colour from linear colour and extinction */
 #define MOST_PARTS 512
 #define MOST_PIECES (1 << 17) /* per axis, roughly: each diagonal of a table reads all of them */
 
-/* Bound of a piece's colour error from taking it as linear. An opaque piece has `error`. A piece of optical depth D
- * < 1 has exact means, and is seen all through: what remains is error * D * max(D, uneven), where `uneven` is the
+/* Bound on the colour error of a piece that is treated as linear: `error` for an opaque piece. A piece of optical depth
+ * D < 1 has exact means and is visible throughout, so its error is error * D * max(D, uneven), where `uneven` is the
  * relative change of extinction. */
 typedef struct error_bound {
   double error, uneven;
@@ -108,7 +108,7 @@ static error_bound bend_error(const tc_segments *s, double v0, double v1, double
   return (error_bound){0.12 * change * bend, bend};
 }
 
-/* How many parts bring the error below ERROR: it falls with their square. */
+/* Number of parts that keep the error below ERROR; the error falls with the square of their number. */
 static int parts_for(const tc_segments *s, error_bound d, double width, double v0, double v1, int most) {
   if (d.error <= ERROR) return 1;
   double depth = tc_extinction_mean(s->params->tf, v0, v1) * width * s->params->step_mm;
@@ -141,8 +141,8 @@ static bool add_bent(tc_segments *s, double width, double v0, double v1) {
   return add_curved(s, width * (1 - from), v0 + (v1 - v0) * from, v1, each);
 }
 
-/* A node interval with more knots than MOST_KNOTS becomes a few pieces, each with the exact mean extinction and the
- * mean emitted colour. A look-up cannot resolve details between nodes anyway, and the time to build stays bounded. */
+/* A node interval with more than MOST_KNOTS knots becomes a few pieces, each with the exact mean extinction and the
+ * mean emitted colour. Look-ups cannot resolve details between nodes anyway, and the build time stays bounded. */
 enum { MOST_KNOTS = 8, MERGED_PIECES = 4 };
 
 /* Adds emission and extinction between two values without a knot inside. Two Gauss points are exact where both
@@ -332,7 +332,7 @@ static void elementary(const tc_segments *s, int j, double length_mm, tc_v4 *for
   *backward = r.sum;
 }
 
-/* ---- elementary segments, four at a time: most are one piece and thin ---- */
+/* ---- elementary segments, four at a time: most are thin and of one piece ---- */
 
 /* 1 - exp(-a), a >= 0, with a small relative error even for small a. */
 static tc_v4 one_minus_exp(tc_v4 a) {
@@ -393,7 +393,8 @@ void tc_segments_depths(const tc_segments *s, double length_mm, tc_v4 *depths) {
 void tc_segments_ends(const tc_segments *s, double length_mm, float (*ends)[8]) {
   for (uint32_t i = 0; i < s->n_pieces; i++) {
     const tc_piece *p = &s->pieces[i];
-    double depth = p->mean * (double)p->width * length_mm; /* each end by itself: a thin piece keeps its digits */
+    double depth = p->mean * (double)p->width * length_mm; /* each end separately, so that a thin piece keeps its
+                                                              precision */
     for (int c = 0; c < 3; c++) {
       ends[i][c] = (float)p->from[c];
       ends[i][4 + c] = (float)(p->graded ? p->to[c] : p->from[c]);
@@ -403,7 +404,7 @@ void tc_segments_ends(const tc_segments *s, double length_mm, float (*ends)[8]) 
   }
 }
 
-/* ---- life ---- */
+/* ---- making and freeing ---- */
 
 bool tc_segments_make(tc_segments *s, const tc_table_params *params, const double range[2], int count,
                       const tc_halt *halt, GError **error) {

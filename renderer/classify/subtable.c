@@ -28,8 +28,8 @@ typedef struct edges {
 
 static double channel(const tc_knot *k, int c) { return c < 3 ? k->color[c] : k->amount; }
 
-/* Lets both edges of a peak ask for finer nodes. other: the last change of this channel in the other direction, or
- * NULL. */
+/* Narrows the node distance of both edges of a peak. other: the last change of this channel in the opposite direction,
+ * or NULL. */
 static void pair_edges(edge *here, edge *other) {
   double node = other ? (here->at - other->at) / NODES_PER_WIDTH : 0;
   if (!(node > 0)) return; /* up and down at the same value is invisible */
@@ -150,7 +150,7 @@ static void add_all_subtables(choice *z, int n, double lo, double hi) {
   }
 }
 
-/* Has no edges if no subtable is wanted, or no memory. */
+/* The result has no edges if no subtable is wanted, or out of memory. */
 static choice begin_subtables(const tc_volume *volume, tc_table_params *p) {
   const tc_volume_desc *d = tc_volume_describe(volume);
   const tc_volume_stats *s = tc_volume_statistics(volume);

@@ -7,7 +7,7 @@
 /* Extinction (1/mm) at a value, and its mean over [a, b] (exact per knot interval; a == b gives tau(a)). */
 double tc_extinction(const tc_transfer_function *tf, double value);
 double tc_extinction_mean(const tc_transfer_function *tf, double a, double b);
-double tc_extinction_most(const tc_transfer_function *tf);
+double tc_extinction_most(const tc_transfer_function *tf); /* largest extinction at any value */
 /* Colour at a value, sRGB 0..1. */
 void tc_color(const tc_transfer_function *tf, double value, double rgb[3]);
 

@@ -7,14 +7,14 @@
 
 #define KEPT 0.85             /* factor on the weight of older frames at each new frame */
 #define RAY_SHARE 0.25        /* assumed a / b while all frames had one spacing */
-#define RAY_SHARE_WEIGHT 0.02 /* of that assumption in the fit, relative to the weight of the frames */
+#define RAY_SHARE_WEIGHT 0.02 /* weight of that assumption in the fit, relative to the weight of the frames */
 #define NEW_LOOK 2            /* a frame this many times slower or faster than expected: older frames are dropped */
-#define PLANNED_SHARE 0.9 /* most of a time bound to plan for, however well times are predicted */
+#define PLANNED_SHARE 0.9 /* largest share of a time bound to plan for, however well times are predicted */
 #define LEAST_SHARE 0.5
-#define DEVIATIONS 2.2   /* standard deviations of margin: 1.65 would do for normal scatter, but times are skewed */
+#define DEVIATIONS 2.2   /* standard deviations of margin: normal scatter needs 1.65, but times are skewed */
 #define SPREAD_KEPT 0.9  /* factor on the older spread at each new frame */
 #define FIRST_SPREAD 0.1 /* before any frame: the first frames are predicted badly */
-#define PACE_WEIGHT 0.4  /* of the newest final frame, in logarithms */
+#define PACE_WEIGHT 0.4  /* weight of the newest final frame in the smoothed ratio, which is a geometric mean */
 #define FINEST_RUNG (-24)
 #define COARSEST_RUNG 16
 /* Cost of a segment of preintegrated2 (two samples, three look-ups) relative to one of preintegrated. The ratio is a
@@ -57,7 +57,8 @@ static double fitted(const tc_quality_cost *cost, double rays, double x) {
   return rays * (a + b * x);
 }
 
-/* Beyond the most segments a voxel of any frame the whole time grows with them: an upper bound, whatever a is. */
+/* Beyond the largest number of segments per voxel of any frame, the time is extrapolated in proportion: an upper bound,
+ * whatever a is. */
 static double expected(const tc_quality_cost *cost, double rays, double x) {
   const double known = cost->w > 0 ? fmin(x, cost->most) : x;
   return fitted(cost, rays, known) * (x / known);
@@ -96,7 +97,7 @@ void tc_quality_pace_add(tc_quality_pace *pace, double slower, bool moving, uint
 void tc_quality_pace_follow(tc_quality_pace *pace, tc_quality_cost *c, uint64_t revision) {
   if (!(pace->slower > 0) || pace->revision != revision) return;
   if (!(pace->final > 0)) pace->final = 1;
-  const double factor = pace->slower * pace->final, square = factor * factor; /* weights are relative to the times */
+  const double factor = pace->slower * pace->final, square = factor * factor; /* weights are 1 / y^2 */
   c->w /= square, c->x /= square, c->xx /= square;
   c->y /= factor, c->xy /= factor;
   pace->slower = 0;

@@ -25,7 +25,7 @@ void tc_depths_exact(const tc_reference *reference, const tc_scene *scene, int x
   pixel->mean = met && scene->mode == TC_MODE_MESH ? pixel->mean / met : pixel->nearest;
 }
 
-/* mm; below 0 where only one of the two has a surface. */
+/* Error of a pixel in mm; below 0: only one of picture and reference has a surface. */
 static double apart(const tc_depths *p) {
   if (!isfinite(p->drawn) || !isfinite(p->nearest)) return -1;
   return fmax(fmax(p->nearest - p->drawn, p->drawn - p->mean), 0);
@@ -36,7 +36,7 @@ static int by_apart(const void *a, const void *b) {
   return (x > y) - (x < y);
 }
 
-/* Those without an exact surface first. */
+/* By surface, label and error; pixels without an exact surface first. */
 static int by_surface(const void *a, const void *b) {
   const tc_depths *p = a, *q = b;
   if (isfinite(p->nearest) != isfinite(q->nearest)) return isfinite(p->nearest) ? 1 : -1;
@@ -50,12 +50,12 @@ static int by_pixels(const void *a, const void *b) {
   return n != m ? (n > m ? -1 : 1) : (p->surface > q->surface) - (p->surface < q->surface);
 }
 
-/* The least that so many percent of n ascending numbers do not exceed. */
+/* Percentile of the errors of n pixels in ascending order (nearest rank). */
 static double percentile(const tc_depths *ascending, int n, int percent) {
   return apart(&ascending[((int64_t)n * percent + 99) / 100 - 1]);
 }
 
-/* Of pixels that by_apart() sorted; all: of the whole picture. */
+/* Error over pixels sorted by by_apart(); all: number of pixels of the whole picture. */
 static tc_depth_error error_of(const tc_depths *pixels, int n, int all) {
   tc_depth_error e = {0};
   int first = 0;
@@ -73,7 +73,7 @@ static tc_depth_error error_of(const tc_depths *pixels, int n, int all) {
   return e;
 }
 
-/* Keeps the `most` of most pixels; *n of them so far. */
+/* Inserts a surface into `each`, which keeps the `most` surfaces with the most pixels; *n: number so far. */
 static void keep(tc_depth_error *each, int *n, int most, const tc_depth_error *one) {
   if (*n < most)
     each[(*n)++] = *one;

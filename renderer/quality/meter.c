@@ -14,9 +14,9 @@
 #include "renderer/raycast/subpixel.h"
 #include "renderer/reference/reference.h"
 
-/* Far below what any frame is asked to hold, and quick. */
+/* Tolerance of the reference: far below any bound on a frame's error, and fast. */
 #define TOLERANCE 1e-7
-#define MOST_BYTES (UINT64_C(256) << 20) /* of the meshes of one truth, which no ledger holds */
+#define MOST_BYTES (UINT64_C(256) << 20) /* limit on the meshes of one reference, which no ledger accounts for */
 #define Z95 1.959964
 
 typedef struct meter_pixel {
@@ -29,7 +29,7 @@ struct tc_meter {
   meter_pixel pixels[];
 };
 
-/* ---- which pixels ---- */
+/* ---- choosing pixels ---- */
 
 /* splitmix64 (Steele, Lea, Flood 2014). */
 static double uniform(uint64_t *state) {
@@ -48,7 +48,7 @@ static void pick_all(tc_meter *m) {
   for (int i = 0; i < m->count; i++) m->pixels[i] = (meter_pixel){.x = i % m->width, .y = i / m->width};
 }
 
-/* Bands as high as the pixels they hold are many, each cut into that many cells: all cells have one area. */
+/* Divides the picture into bands, and each band into cells, so that all cells have the same area. */
 static void pick_cells(tc_meter *m, uint64_t *state) {
   int bands = (int)lround(sqrt((double)m->count * m->height / m->width));
   bands = bands < 1 ? 1 : bands > m->count ? m->count : bands;
@@ -62,7 +62,7 @@ static void pick_cells(tc_meter *m, uint64_t *state) {
   }
 }
 
-/* Fisher and Yates: whoever stops early has a fair sample. */
+/* Fisher-Yates: the pixels measured before an early end are an unbiased sample. */
 static void shuffle(tc_meter *m, uint64_t *state) {
   for (int i = m->count - 1; i > 0; i--) {
     int j = within(uniform(state), i + 1);
@@ -95,7 +95,7 @@ tc_meter *tc_meter_new(const tc_frame *frame, int count, uint64_t seed) {
 
 void tc_meter_free(tc_meter *meter) { free(meter); }
 
-/* ---- how far ---- */
+/* ---- the error ---- */
 
 static double shown(const tc_scene *s, const double rgba[4], int c) {
   double v = rgba[c];
@@ -125,12 +125,12 @@ void tc_meter_estimate(const double *squares, int n, tc_meter_result *result) {
   result->pixels = n;
   result->rms = result->low = result->high = sqrt(mean);
   if (!(mean > 0)) return;
-  if (n < 2) { /* one pixel says nothing of the others */
+  if (n < 2) { /* one pixel has no variance */
     result->low = 0;
     result->high = 1;
     return;
   }
-  /* Student's quantile by its first term beyond the normal one; half of the logarithm's, for rms is the root. */
+  /* Student's quantile to first order in 1 / (n - 1). The logarithm's deviation is halved, because rms is the root. */
   double t = Z95 + (Z95 * Z95 * Z95 + Z95) / (4.0 * (n - 1));
   double factor = exp(0.5 * t * sqrt(spread / (n - 1) / n) / mean);
   result->low /= factor;
@@ -149,9 +149,10 @@ void tc_meter_truth(const tc_reference *reference, const tc_scene *scene, int x,
   }
 }
 
-/* ---- the truth ---- */
+/* ---- the reference ---- */
 
-/* The meshes of the surfaces that are of meshes, with normals, and what the reference reads of them; both [n_surfaces]. */
+/* Fills the meshes, with normals, of the surfaces of meshes, and the views of them that the reference reads; both
+ * [n_surfaces]. */
 static bool make_meshes(const tc_meter_subject *of, tc_mesh **made, tc_reference_mesh *views, GError **error) {
   uint64_t left = MOST_BYTES;
   for (size_t i = 0; i < of->scene->mesh.n_surfaces; i++) {

@@ -20,21 +20,21 @@
  * and for views measured from elsewhere. */
 #define NEAR_MARGIN 1.13
 #define FAR_MARGIN 1.4
-/* Spacing of samples before anything is measured: of one ray a pixel, and of many. */
+/* Spacing of samples before any measurement: with one ray per pixel, and the upper limit with many. */
 #define CAREFUL 0.25
 #define CAREFUL_OF_MANY 1.0
-/* preintegrated2 is not measured if its spacing, at the cost of preintegrated, would be this many cells or more: along
- * several cells no field is quadratic. */
+/* preintegrated2 is not measured if, at the cost of preintegrated, its spacing would be this many cells or more: across
+ * several cells the field is not quadratic. */
 #define SECOND_CELLS 2.7
 /* Another method replaces the one in use if its error is at most this share of the current error. A picture is made
  * again within its time if its error falls to the second share; one rung of the step alone gains less than that. */
 #define CLEARLY 0.9
 #define WORTH_IT 0.75
-/* Share of the error that early ray termination may cause in an opaque pixel: of maxError, where measured errors include
- * termination, or of the expected error under maxMilliseconds. */
+/* Share of the error that early ray termination may cause in an opaque pixel: of maxError (measured errors include
+ * termination), or of the expected error under maxMilliseconds. */
 #define TERMINATION_SHARE (1.0 / 16)
-/* Orders of convergence assumed beyond the measured steps: the error grows with the first power and falls with the
- * second, both on the safe side. */
+/* Orders of convergence assumed outside the measured steps: at least ORDER_UP towards coarser steps, at most ORDER_DOWN
+ * towards finer ones, both conservative. */
 #define ORDER_UP 3.5
 #define ORDER_DOWN 1.0
 /* Number of rays of a measured picture, and its least number of pixels. */
@@ -60,7 +60,7 @@ static tc_quality_method method_of(const tc_scene *s, tc_classification classifi
 
 static bool is_timed(const tc_scene *s) { return s->quality.max_ms > 0; }
 
-/* The reference of a measurement is made without meshes. */
+/* Measurements have no reference for surfaces of labels and meshes. */
 static bool lacks_truth(const tc_scene *scene, char *reason, size_t size) {
   const char *missing = tc_reference_missing(scene);
   if (!missing || strcmp(missing, "/mesh/surfaces") != 0) return tc_meter_refuses(scene, reason, size);
@@ -118,7 +118,7 @@ static bool any_near(const tc_quality_model *m, const tc_camera *camera) {
   return false;
 }
 
-/* Turns v about the unit vector `axis` (Rodrigues). */
+/* Rotates v about the unit vector `axis` (Rodrigues). */
 static void turn(const double axis[3], double angle, double v[3]) {
   double c = cos(angle), s = sin(angle), dot = 0, w[3];
   for (int k = 0; k < 3; k++) dot += axis[k] * v[k];
@@ -129,7 +129,7 @@ static void turn(const double axis[3], double angle, double v[3]) {
   memcpy(v, w, sizeof w);
 }
 
-/* The camera on its sphere around the target: `azimuth` about up, `elevation` about right. */
+/* The camera moved on its sphere around the target: `azimuth` about up, `elevation` about right. */
 static tc_camera around(const tc_camera *from, double azimuth, double elevation) {
   tc_camera c = *from;
   double forward[3], right[3], up[3], half, n = 0, away[3];
@@ -252,7 +252,7 @@ static bool second_is_better(const tc_quality_cost *cost, const tc_scene *scene,
 
 static double termination_for(double error) { return fmin(error * TERMINATION_SHARE, 0.05); }
 
-/* ---- saying why ---- */
+/* ---- the reason ---- */
 
 G_GNUC_PRINTF(2, 3) static void say(tc_quality_choice *choice, const char *form, ...) {
   size_t said = strlen(choice->reason);
@@ -292,7 +292,7 @@ static void explain_time(const tc_quality_model *m, const tc_scene *scene, const
         other->spacing / tc_quality_stretch(scene), other->rms);
 }
 
-/* Before anything is measured, or where nothing is. */
+/* The choice without measured views. */
 static void choose_blindly(const tc_quality_model *m, const tc_quality_cost *cost, const tc_scene *scene, double pixels,
                            tc_quality_choice *choice) {
   double stretch = tc_quality_stretch(scene);
@@ -364,7 +364,7 @@ typedef struct bench {
   tc_volume *volume, *labels;
   tc_scene scene; /* borrows heap members */
   int width, height;
-  double share; /* of its pixels' width: the frame's */
+  double share; /* pixel width of the frame relative to that of the measured picture (pixel_share) */
   const tc_interrupt *interrupt;
   double *wanted;  /* [height][width][4] */
   double *squares; /* [height][width] */
@@ -406,7 +406,7 @@ static bool error_at(bench *b, double spacing, double *rms, GError **error) {
       g_propagate_error(error, failure);
       return false;
     }
-    g_clear_error(&failure); /* paused: no other work waits for this renderer */
+    g_clear_error(&failure); /* paused: resume at once, because no other work waits for this renderer */
     request.resume = true;
   }
   double max = 0;
@@ -416,7 +416,7 @@ static bool error_at(bench *b, double spacing, double *rms, GError **error) {
     for (int c = 0; c < 4; c++) got[c] = (double)b->frame.linear[4 * i + c];
     b->squares[i] = tc_meter_square(&b->scene, got, b->wanted + 4 * i, &max);
   }
-  /* If a few rays have most of the error, rays that were not measured may have more: the geometric mean of the estimate
+  /* If a few rays have most of the error, unmeasured rays may have more; therefore the geometric mean of the estimate
    * and the upper end of its confidence interval. */
   tc_meter_result estimate;
   tc_meter_estimate(b->squares, pixels, &estimate);
@@ -440,8 +440,8 @@ static bool try_rung(bench *b, int rung, trials *t, GError **error) {
   return true;
 }
 
-/* Finds the rung whose error is about the goal, each step assuming second-order convergence. Returns the rung;
- * MOST_RUNG + 1 after a failure. */
+/* Finds the rung whose error is about the goal, assuming second-order convergence at each trial. Returns the rung, or
+ * MOST_RUNG + 1 on failure. */
 static int locate(bench *b, double goal, int rung, trials *t, GError **error) {
   for (int i = 0; i < LOCATING; i++) {
     if (!try_rung(b, rung, t, error)) return MOST_RUNG + 1;

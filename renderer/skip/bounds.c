@@ -64,7 +64,7 @@ static void widen(uint8_t *first, size_t n, int count, size_t stride, uint8_t *r
 typedef struct bounds_job {
   tc_bounds *bounds;
   const tc_minmax *minmax;
-  uint8_t *rows; /* of each worker, three and two levels more */
+  uint8_t *rows; /* scratch of each worker: three rows and two more levels */
 } bounds_job;
 
 static uint8_t *rows_of(const bounds_job *job, int worker) {

@@ -9,7 +9,7 @@
 #include "renderer/skip/fine.h"
 
 #define FINES TC_BOX_FINES
-#define GROUP 16 /* records looked at at once: their fine boxes of a row are 48 bits, whole bytes */
+#define GROUP 16 /* records tested together: their fine boxes in a row are 48 bits, whole bytes */
 #define THIRDS 0x249249249249 /* the first of every three bits, of 48 */
 #define TASK_FINES (1 << 20) /* fine boxes per task: a millisecond at most */
 
@@ -49,7 +49,7 @@ static void emit(found *f, const int at[3], int size, uint32_t fine) {
 
 static int least(int a, int b) { return a < b ? a : b; }
 
-/* A bit for each fine box of a row: it is in no empty range. */
+/* Sets a bit for each fine box of a row that is occupied (in no empty range). */
 static void read_bits(const boxes_job *job, int y, int z, uint8_t *bits) {
   const tc_fine *f = job->fine;
   const int *n = f->grid.blocks;
@@ -69,7 +69,7 @@ static void read_bits(const boxes_job *job, int y, int z, uint8_t *bits) {
   }
 }
 
-/* The records of a row. Full ones are not emitted, but marked. */
+/* Emits the records of a row. Full ones are only marked, because they may be merged. */
 static void cut_row(boxes_job *job, int y, int z, found *out) {
   const int *n = job->fine->grid.blocks, w = job->fine->grid.block;
   bool *full = job->full + ((size_t)z * (size_t)job->n[1] + (size_t)y) * (size_t)job->n[0];
@@ -107,7 +107,7 @@ static size_t record_index(const boxes_job *job, int x, int y, int z) {
   return ((size_t)z * (size_t)job->n[1] + (size_t)y) * (size_t)job->n[0] + (size_t)x;
 }
 
-/* A strip of two layers of records. Eight full ones around a corner merge into one box. */
+/* Processes a strip of two layers of records. Eight full records around a corner merge into one box. */
 static void boxes_task(void *context, int index, int worker) {
   boxes_job *job = context;
   found *out = &job->workers[worker];
@@ -176,7 +176,7 @@ bool tc_boxes_serve(const tc_volume *volume) {
   return dims[0] <= TC_BOX_REACH && dims[1] <= TC_BOX_REACH && dims[2] <= TC_BOX_REACH;
 }
 
-/* The memory of a job; its workers' rows of bits are one piece. */
+/* Allocates the memory of a job; the workers' rows of bits share one allocation. */
 static bool reserve(boxes_job *job) {
   const size_t each = FINES * FINES * job->row_bytes;
   job->full = calloc(record_count(job), sizeof *job->full);

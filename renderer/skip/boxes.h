@@ -1,9 +1,9 @@
-/* Occupied space as a list of boxes: empty-space skipping in dvr on the CPU projects the boxes onto the picture
- * (skip/cover.h) instead of asking a distance map along every ray (skip/skip.h). The list depends on the volume and the
- * support, not on the camera.
+/* Occupied space as a list of boxes. Empty-space skipping in dvr on the CPU projects the boxes onto the picture
+ * (skip/cover.h) instead of looking up a distance map along every ray (skip/skip.h). The list depends on the volume and
+ * the support, not on the camera.
  *
- * Fine boxes (skip/fine.h), two cells wide, are tested each by its own minimum and maximum: a vessel two voxels thick is
- * surrounded by a third of the space that blocks would occupy. Where nothing is empty, boxes are larger.
+ * Each fine box (skip/fine.h), two cells wide, is tested by its own minimum and maximum: around a vessel two voxels
+ * thick they occupy a third of the space of blocks. Where nothing is empty, fine boxes are merged.
  *
  * Every cell outside all boxes is empty in the sense of skip/skip.h. */
 #ifndef TC_SKIP_BOXES_H
@@ -12,12 +12,11 @@
 #include "renderer/skip/fine.h"
 
 #define TC_BOX_REACH 65536 /* largest number of voxels along an axis */
-/* Of a record: */
 #define TC_BOX_FINES 3 /* fine boxes along each axis of a record */
 
-/* A record: cells [at, at + size) along each axis, or those of its fine boxes whose bit is set. Bit (z * 3 + y) * 3
- * + x is the fine box that begins x, y, z fine boxes further. One record for up to 27 fine boxes keeps the list under
- * 2 % of the voxel bytes. */
+/* A record: cells [at, at + size) along each axis, or only the fine boxes whose bit is set: bit (z * 3 + y) * 3 + x
+ * stands for the fine box at offset x, y, z, in fine boxes. One record for up to 27 fine boxes keeps the list below 2 %
+ * of the voxel bytes. */
 typedef struct tc_box {
   uint16_t at[3], size;
   uint32_t fine; /* 0: the whole box */
@@ -34,15 +33,15 @@ typedef struct tc_boxes {
   struct tc_boxing *begun; /* work in progress; NULL once complete */
 } tc_boxes;
 
-/* Whether boxes can name every cell of the volume: no axis is longer than TC_BOX_REACH. */
+/* True if boxes can address every cell of the volume: no axis is longer than TC_BOX_REACH. */
 bool tc_boxes_serve(const tc_volume *volume);
 
-/* fine: of the volume that is sampled, the same in the calls that follow, as is the pool. NULL with TC_ERROR_MEMORY. */
+/* Starts a build. fine: of the sampled volume. Pass the same `fine` and pool to the following calls. The caller frees.
+ * NULL with TC_ERROR_MEMORY. */
 tc_boxes *tc_boxes_begin(const tc_fine *fine, const tc_support *support, tc_pool *pool, GError **error);
-/* Builds on until the list is complete: true, at once if it already is. False: the pool's halt, to be called again; or
- * TC_ERROR_MEMORY. */
+/* Continues the build; true once the list is complete. False: the pool was halted (call again), or TC_ERROR_MEMORY. */
 bool tc_boxes_go_on(tc_boxes *boxes, const tc_fine *fine, tc_pool *pool, GError **error);
-int tc_boxes_steps(const tc_boxes *boxes); /* grows as the work progresses */
+int tc_boxes_steps(const tc_boxes *boxes); /* progress, increasing */
 void tc_boxes_free(tc_boxes *boxes); /* NULL is fine */
 
 #endif

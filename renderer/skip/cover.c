@@ -7,24 +7,24 @@
 #include <stdlib.h>
 #include <string.h>
 
-#define CHUNK 512             /* boxes projected at once */
-#define SHARE 256             /* records a worker takes at once */
+#define CHUNK 512             /* boxes projected together */
+#define SHARE 256             /* records that a worker takes at once */
 #define SMALL_CELL 2          /* shift: cells of 4x4 pixels, as wide as packets */
-#define MOST_WORDS (4u << 20) /* 32 MiB of bits; larger pictures take larger cells */
-#define MOST_PLANES 16        /* workers that mark bits, each in a plane of its own, so that no two write the same word */
-#define JOINED 4096           /* words that a task merges */
-#define LEAST_WORDS 4         /* slots are about a voxel long, within these numbers of words */
+#define MOST_WORDS (4u << 20) /* 32 MiB of bits; larger pictures use larger cells */
+#define MOST_PLANES 16        /* workers that mark bits, each in a separate plane, so that no two write the same word */
+#define JOINED 4096           /* words merged per task */
+#define LEAST_WORDS 4         /* slots are about a voxel long, within these limits on the number of words */
 #define LONGEST 16
-#define NEAR_EYE 0.02f        /* w of a box's far side: boxes nearer to the eye count as covering all of the picture */
+#define NEAR_EYE 0.02f        /* boxes closer to the eye, by w of the far side, count as covering the whole picture */
 
 /* Projection of index positions, relative to the anchor of the picture's corner, to homogeneous (w, x * w, y * w):
  * x, y in pixels, w = 1 on the anchor plane and 0 at the eye. Orthographic: (1 + depth in mm, x, y). */
 typedef struct projection {
   double origin[3]; /* index position */
-  double flat[3];   /* how far before its voxel an axis of one voxel begins; 0 along others */
+  double flat[3];   /* offset of the box's start along an axis of one voxel: 0.5; else 0 */
   float rows[3][3];
   float extent[3];  /* half extents, after projection, of a box of one cell */
-  float longer[3];  /* what one more cell along x adds to them */
+  float longer[3];  /* increment of the extents for one more cell along x */
   float margin;     /* pixels: above single-precision rounding */
   double depth_mm;  /* depth = (w - 1) * depth_mm */
   bool perspective;
@@ -115,7 +115,8 @@ static void add_box(const float low[3], const float offset[3], float size, float
   c->more[i] = more;
 }
 
-/* Neighbouring fine boxes of a row are projected as one: far fewer to project, and hardly more is covered. */
+/* Adds the boxes of a record. Adjacent fine boxes in a row are projected as one box: far fewer projections, hardly more
+ * coverage. */
 static void add_record(const projection *p, const tc_box *b, float fine, chunk *c) {
   static const struct {
     uint8_t first, more;
@@ -197,7 +198,7 @@ static void mark_chunk(const cover_job *job, uint64_t *plane, chunk *boxes) {
   boxes->count = 0;
 }
 
-/* Fills one worker's plane with the records it can get. */
+/* Marks the records that the worker takes in the worker's plane. */
 static void cover_task(void *context, int index, int worker) {
   cover_job *job = context;
   uint64_t *plane = job->cover->bits + (size_t)index * job->words;

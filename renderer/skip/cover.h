@@ -1,10 +1,10 @@
 /* Empty-space skipping in dvr on the CPU: occupied boxes (skip/boxes.h) rasterised into bits per cell of pixels and
  * slot of depth.
  *
- * A ray marches over runs of set bits. Empty stretches cost nothing, and all rays of a packet, and all rays of a pixel,
- * share the runs. SparseLeap (Hadwiger et al., IEEE TVCG 24(1), 2018) rasterises occupied space into lists of segments;
- * bits instead of lists let boxes come in any order and from any thread. Conservative: a box's bits cover every ray
- * through the area of every pixel.
+ * A ray marches over runs of set bits; empty stretches cost nothing, and all rays of a packet or a pixel share the
+ * runs. SparseLeap (Hadwiger et al., IEEE TVCG 24(1), 2018) rasterises occupied space into lists of segments; with
+ * bits, boxes may come in any order and from any thread. Conservative: a box's bits cover every ray through the area of
+ * every pixel.
  *
  * Depth is in mm along the view from the anchor plane (raycast/rays.h): for the point of a ray at s it is s *
  * view_depth / |view| (perspective) or s (orthographic). */
@@ -14,7 +14,7 @@
 #include "renderer/base/pool.h"
 #include "renderer/raycast/rays.h"
 
-/* renderer/skip/boxes.h, declared here because a change of that header would recompile all kernels. */
+/* From renderer/skip/boxes.h; a forward declaration, so that changes of that header do not recompile all kernels. */
 typedef struct tc_boxes tc_boxes;
 
 typedef struct tc_cover {
@@ -23,11 +23,12 @@ typedef struct tc_cover {
   int cells[2], words; /* cells along x and y; words of 64 slots per cell */
   double near_mm, slot_mm; /* depth where slot 0 begins; depth of a slot */
   double view_depth;   /* mm from the eye to the anchor plane; perspective only */
-  size_t capacity;     /* words allocated; each worker fills a plane of its own, and the planes are merged into the first */
+  size_t capacity;     /* words allocated; each worker fills a separate plane, and the planes are merged into the
+                          first */
 } tc_cover;
 
-/* Fills *cover, which is zeroed before its first use; its memory is kept from frame to frame and grows as needed.
- * False with TC_ERROR_MEMORY, TC_ERROR_INVALID for a camera whose rays coincide, or the halt's error. */
+/* Fills *cover. Zero it before the first use; its memory is reused from frame to frame. False with TC_ERROR_MEMORY,
+ * TC_ERROR_INVALID for a camera whose rays coincide, or the halt's error. */
 bool tc_cover_fill(tc_cover *cover, const tc_boxes *boxes, const tc_volume *volume, const tc_rays *rays,
                    tc_pool *pool, GError **error);
 void tc_cover_finish(tc_cover *cover);

@@ -39,10 +39,10 @@ static void mark_layer(void *context, int z, int worker) {
   job->changed[z] = changed;
 }
 
-/* The distance map by two sweeps, each over half of the 26 neighbours, which is exact for the Chebyshev metric.
- * sweep() covers layers from..to and builds on the layer before `from` in its direction. The four neighbouring rows
- * are reduced to one minimum first (joined: [blocks x + 2]), then widened sideways, so that all but the neighbour
- * within the row vectorises. */
+/* The distance map by two sweeps (chamfer), each over half of the 26 neighbours, which is exact for the Chebyshev
+ * metric. sweep() covers layers from..to and starts from the layer before `from` in its direction. The four
+ * neighbouring rows are first reduced to one minimum (joined: [blocks x + 2]) and widened sideways, so that everything
+ * but the dependency within the row vectorises. */
 static void join_row(const uint8_t *restrict other, uint8_t *restrict near, int nx) {
   for (int x = 0; x < nx; x++) near[x] = other[x] < near[x] ? other[x] : near[x];
 }

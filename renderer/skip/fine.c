@@ -9,17 +9,18 @@
 
 #define LEVELS 65536
 #define BINS 256
-#define SAMPLED (1 << 18) /* about how many voxels are counted into levels, to make bins equally full */
+#define SAMPLED (1 << 18) /* approximate number of voxels in the histogram from which bins are chosen */
 #define TASK_VOXELS (1 << 18)
 #define MOST_WIDTH 64 /* of a fine box, voxels */
 
-/* The level of a value. NaN is in the first, as it is at the first node of a table. */
+/* The level of a value. NaN goes to the first level, as table look-ups take it to the first node. */
 static int level_of(const tc_fine *f, double voxel) {
   double level = (voxel - f->lo) * f->scale;
   return level > 0 ? level < f->levels - 1 ? (int)level : f->levels - 1 : 0;
 }
 
-/* Bins by the sum, up to a level's middle, of half its share of the voxels and half its share of the range. */
+/* Assigns a bin to each level: half by the cumulative share of voxels at the level's middle, half by its position in
+ * the range. */
 static bool fill_bins(tc_fine *f, const tc_volume *volume) {
   const tc_volume_desc *d = tc_volume_describe(volume);
   const tc_volume_stats *s = tc_volume_statistics(volume);
@@ -87,8 +88,8 @@ tc_fine *tc_fine_begin(const tc_volume *volume, int block, int reach, size_t mos
 typedef struct fine_job {
   tc_fine *fine;
   const tc_volume *volume;
-  int strips, rows; /* tasks of a layer, rows of fine boxes of a task */
-  size_t room;      /* bytes of a worker: two rows of voxels, one of pairs */
+  int strips, rows; /* tasks per layer; rows of fine boxes per task */
+  size_t room;      /* scratch bytes per worker: two rows of voxels and one of pairs */
   char *scratch;
 } fine_job;
 

@@ -4,10 +4,11 @@
 
 #include "renderer/skip/skip.h"
 
-/* How many blocks of this width a volume has along each axis; returns how many in all. */
+/* Number of blocks of this width along each axis of a volume; returns the total. */
 size_t tc_minmax_blocks(const tc_volume *volume, int block, int blocks[3]);
 
-/* The pairs of one row of blocks, of a grid whose own pairs are not read; scratch: room for two rows of voxels. */
+/* Computes the pairs of one row of blocks into `pairs`; the grid's own pairs are not used. scratch: room for two rows
+ * of voxels. */
 void tc_minmax_row(const tc_minmax *minmax, const tc_volume *volume, int by, int bz, void *scratch, void *pairs);
 
 #endif

@@ -56,11 +56,11 @@ static double node_of(const tc_table_params *p, double value) {
   return ((value - p->intercept) / p->slope - p->voxel_lo) * (p->n - 1) / (p->voxel_hi - p->voxel_lo);
 }
 
-/* Widened by the reach of a look-up and a node for rounding, as in empty_ranges.c. */
+/* The zones are narrowed by the reach of a look-up and by one node for rounding, as in empty_ranges.c. */
 void tc_support_zones(const tc_table_params *p, double *below, double *above) {
   const tc_knot *knots = p->tf->points;
   const size_t count = p->tf->count;
-  double low = p->n + 4, high = -2; /* of what is visible, as far as data reach */
+  double low = p->n + 4, high = -2; /* range of visible nodes, within the data's range */
   for (size_t i = 0; i <= count; i++) { /* from knot i - 1 to knot i */
     if (knots[i ? i - 1 : 0].amount <= 0 && knots[i < count ? i : count - 1].amount <= 0) continue;
     const double a = node_of(p, i ? knots[i - 1].value : -INFINITY), b = node_of(p, i < count ? knots[i].value : INFINITY);
