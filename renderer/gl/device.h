@@ -1,6 +1,6 @@
-/* EGL: finds a device with OpenGL 4.5 core without a window, and holds one context on it.
+/* EGL: finds a device with headless OpenGL 4.5 core, and creates contexts on it.
  *
- * Hardware first (EGL device platform), else Mesa's surfaceless platform, which ends in llvmpipe where there is no GPU.
+ * Hardware first (EGL device platform), else Mesa's surfaceless platform, which uses llvmpipe if there is no GPU.
  * A context is used by one thread at a time: by its creator, until released for another. Any thread may probe. */
 #ifndef TC_GL_DEVICE_H
 #define TC_GL_DEVICE_H
@@ -26,8 +26,8 @@ typedef struct tc_gl_context tc_gl_context;
  * TC_ERROR_UNSUPPORTED says what was tried. */
 bool tc_gl_report_read(tc_gl_report *report, GError **error);
 
-/* Number of EGL devices that do not report to be software; -1 if EGL cannot list devices. Loads no driver:
- * initialising llvmpipe alone costs some 55 MB for the life of the process. */
+/* Number of EGL devices that do not report to be software; -1 if EGL cannot list devices. Loads no driver, because
+ * initialising llvmpipe alone costs some 55 MB for the lifetime of the process. */
 int tc_gl_count_hardware(void);
 
 /* A new context, current on the calling thread. */

@@ -1,4 +1,4 @@
-/* Programs: compiled from text pieces, kept in a bounded cache. Needs a current context throughout. */
+/* Programs: compiled from text pieces, and a bounded cache of them. Needs a current context throughout. */
 #ifndef TC_GL_PROGRAM_H
 #define TC_GL_PROGRAM_H
 
@@ -7,14 +7,15 @@
 
 #include "renderer/base/error.h"
 
-/* Compiles and links one compute shader from `count` pieces read in order. `label` (ASCII) names it in errors and
- * in driver tools. Returns the GL name, 0 on failure: TC_ERROR_INTERNAL with the driver's first complaint. */
+/* Compiles and links one compute shader from `count` pieces, concatenated in order. `label` (ASCII) names it in errors
+ * and in driver tools. Returns the GL name, which the caller deletes; 0 on failure: TC_ERROR_INTERNAL with the first
+ * line of the driver's log. */
 unsigned tc_gl_program_compile(const char *const *pieces, size_t count, const char *label, GError **error);
-/* The same of a vertex and a fragment shader, of `count` pieces each. */
+/* Compiles and links a vertex and a fragment shader of `count` pieces each. */
 unsigned tc_gl_program_draws(const char *const *vertex, const char *const *fragment, size_t count, const char *label,
                              GError **error);
 
-/* A cache of TC_GL_PROGRAMS programs, least recently used out first. Keys are compared by memcmp. */
+/* An LRU cache of TC_GL_PROGRAMS programs. Keys are compared by memcmp. */
 #define TC_GL_PROGRAMS 32
 #define TC_GL_PROGRAM_KEY 32 /* bytes of a key at most */
 
@@ -25,7 +26,7 @@ typedef struct tc_gl_program_cache {
     uint64_t used;
   } entries[TC_GL_PROGRAMS];
   uint64_t clock;      /* counts look-ups */
-  uint64_t n_compiled; /* how often put() was called, for tests and reports */
+  uint64_t n_compiled; /* number of calls of put(), for tests and reports */
 } tc_gl_program_cache;
 
 /* The cached program, or 0. A zeroed cache is empty. `size` <= TC_GL_PROGRAM_KEY. */

@@ -1,4 +1,4 @@
-/* Read-back ring: results are copied from the GPU tile by tile while later tiles are still computed.
+/* Read-back ring: copies results from the GPU tile by tile while later tiles are still computed.
  *
  * Each slot has a buffer the shader writes (device memory), a persistently mapped buffer the result is copied to, a
  * fence, and two GPU clock readings. Order of use: begin -> dispatch -> end, and, oldest first, take -> read -> give.
@@ -18,7 +18,7 @@ typedef struct tc_gl_slot {
   const void *mapped;    /* [capacity], valid to read between take and give */
   void *fence;           /* GLsync of the copy */
   unsigned clocks[2];    /* GL_TIMESTAMP queries around the work */
-  int tile[4];           /* for the caller: x, y, width, height of what was dispatched, pixels */
+  int tile[4];           /* for the caller: x, y, width, height of the dispatched tile in pixels */
 } tc_gl_slot;
 
 typedef struct tc_gl_ring {
@@ -30,7 +30,7 @@ typedef struct tc_gl_ring {
 
 /* Grows every slot to at least `capacity` bytes; the ring must be idle. A zeroed ring is empty. TC_ERROR_MEMORY. */
 bool tc_gl_ring_reserve(tc_gl_ring *ring, size_t capacity, bool has_clock, GError **error);
-void tc_gl_ring_clear(tc_gl_ring *ring); /* waits for what is in flight; frees everything */
+void tc_gl_ring_clear(tc_gl_ring *ring); /* waits for slots in flight; frees everything */
 
 bool tc_gl_ring_is_full(const tc_gl_ring *ring);
 bool tc_gl_ring_is_idle(const tc_gl_ring *ring);

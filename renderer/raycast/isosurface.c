@@ -15,7 +15,7 @@ bool tc_surface_exists(const tc_volume *volume, const tc_scene *scene) {
   return scene->isosurface.value > s->min && scene->isosurface.value <= s->max;
 }
 
-/* The value as a stored voxel; exact where a voxel has that value, whatever slope and intercept round to. */
+/* The value as a stored voxel; exact if a voxel has that value, despite the rounding of slope and intercept. */
 static double to_voxel(const tc_volume_desc *d, double value) {
   double v = (value - d->intercept) / d->slope, near = d->type == TC_F32 ? (double)(float)v : rint(v);
   return d->slope * near + d->intercept == value ? near : v;

@@ -1,6 +1,6 @@
-/* Jitter: every pixel's rays start with a phase of their own, by interleaved gradient noise (Jimenez, Next Generation
- * Post Processing in Call of Duty, 2014), whose values are spread evenly in every neighbourhood. Integer arithmetic, so
- * that all back ends get the same phase: jitter_tmpl.h and jitter.glsl repeat it with these constants. */
+/* Jitter: the rays of each pixel start at a different phase, by interleaved gradient noise (Jimenez, Next Generation
+ * Post Processing in Call of Duty, 2014), which is evenly distributed in every neighbourhood. Integer arithmetic, so
+ * that all back ends compute the same phase: jitter_tmpl.h and jitter.glsl repeat it with these constants. */
 #ifndef TC_RAYCAST_JITTER_H
 #define TC_RAYCAST_JITTER_H
 

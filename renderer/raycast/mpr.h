@@ -8,9 +8,9 @@
 /* Unit vectors in LPS: to the right of the picture, to its top, away from the viewer. The scene was validated. Pure. */
 void tc_slice_basis(const tc_scene *scene, double right[3], double up[3], double into[3]);
 
-/* The rays of a slice or slab. s = 0 is the plane; eye_mm and far_mm are half the thickness, or almost 0 for a
+/* Sets up the rays of a slice or slab. s = 0 is the plane; eye_mm and far_mm are half the thickness, or almost 0 for a
  * single slice, which is sampled at the entry of its rays. The index box and the clipped space are enlarged by a
- * thousandth of a voxel, so that rounding never blanks a voxel that lies exactly in a face. Pure. */
+ * thousandth of a voxel, so that rounding never drops a voxel that lies exactly on a face. Pure. */
 void tc_slice_rays(tc_rays *rays, const tc_volume *volume, const tc_scene *scene, int width, int height);
 
 #endif

@@ -29,9 +29,9 @@ double tc_rays_step_mm(const tc_volume *volume, const tc_scene *scene) {
   return scene->sampling.step * share * fmin(spacing[0], fmin(spacing[1], spacing[2]));
 }
 
-/* On the anchor plane, `depth` from the eye, two rays of a pixel are at most d apart. At s mm from there, p(s) =
- * anchor + s * dir differs by at most d * (1 + |s| / |view|), where |s| / |view| is the depth of the point relative
- * to the anchor plane's. */
+/* Bound on the distance of a pixel's rays (tc_rays.footprint). On the anchor plane, `depth` from the eye, two rays of a
+ * pixel are at most d apart. At s mm from the plane, p(s) = anchor + s * dir differs by at most d * (1 + |s| / |view|),
+ * where |s| / |view| is the depth of the point relative to the anchor plane's. */
 static double footprint(const tc_rays *rays, const tc_volume *volume, const tc_camera *camera, const double forward[3],
                         double depth, double pixel_mm) {
   double apart = 0, spread = 0, fastest = 0;

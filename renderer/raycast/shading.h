@@ -1,14 +1,14 @@
-/* Shading of dvr and isosurfaces: how a gradient and a light change a colour, the same for every back end.
+/* Shading of dvr and isosurfaces: the effect of gradient and light on a colour, the same for every back end.
  *
  * At each point of a ray the transfer function's colour L (compositing space) becomes, per channel c,
  *   shade(L) = min(1, L * (1 + w (F0 + F1 q - 1)) + w (specular * s + G0[c] + G1[c] q))
  * where
- *   g   gradient of the field in value units per mm: slope * to_index^T * (gradient over index coordinates). A
- *       gradient is covariant, so this is right for any spacing and for sheared axes;
+ *   g   gradient of the field in value units per mm: slope * to_index^T * (gradient over index coordinates), the
+ *       transformation of a covector, correct for any spacing and for sheared axes;
  *   w   weight, 0 where the field is flat (noise has no surface, so L is kept) and 1 where it is steep: smooth step of
- *       |g| * least spacing / value range, from TC_SHADE_FLAT to TC_SHADE_STEEP;
- *   n   g / |g|, flipped where it looks away from the eye: surfaces are lit on the visible side, whichever side is
- *       dense (as VTK does), so that the sign of the slope does not matter either;
+ *       |g| * smallest spacing / value range, from TC_SHADE_FLAT to TC_SHADE_STEEP;
+ *   n   g / |g|, flipped towards the eye: surfaces are lit on the visible side, whichever side is dense (as in VTK),
+ *       so that the sign of the slope does not matter either;
  *   l   unit direction to the light: to the eye (head light), or fixed in LPS;
  *   q   max(n.l, least), s = max(n.h, 0)^shininess where n.l > 0, else 0; h halfway between l and the direction to
  *       the eye.
@@ -18,22 +18,22 @@
  *                          F0, F1 = (diffuse +- ambient) / 2 and G0, G1 = (yellow +- blue) / 2, least -1.
  *                          Gooch, Gooch, Shirley and Cohen, A non-photorealistic lighting model, SIGGRAPH 1998.
  *
- * A segment is shaded once. Gradient "cell" takes the mean of its two samples' gradients, from corners that
- * interpolation has fetched anyway; other gradients are taken in its middle. shade() is affine in L before the
- * clamp, so it applies to the premultiplied colour C and opacity a from the pre-integration table: C' = min(a, C f +
- * a e). As the step goes to 0 this converges to the integral of the shaded colour, and C' <= a holds for each
- * segment, hence for the picture. */
+ * A segment is shaded once. Gradient "cell" takes the mean of the gradients at the segment's two samples, from corners
+ * that interpolation fetches anyway; other gradients are computed at the segment's middle. shade() is affine in L
+ * before the clamp, so it applies to the premultiplied colour C and opacity a from the pre-integration table: C' =
+ * min(a, C f + a e). As the step goes to 0 this converges to the integral of the shaded colour, and C' <= a holds for
+ * each segment, hence for the picture. */
 #ifndef TC_RAYCAST_SHADING_H
 #define TC_RAYCAST_SHADING_H
 
 #include "renderer/scene/scene.h"
 #include "renderer/volume/volume.h"
 
-#define TC_SHADE_FLAT 0.005 /* of the value range per least spacing: below it nothing is shaded */
-#define TC_SHADE_STEEP 0.02 /* above it shading is full */
+#define TC_SHADE_FLAT 0.005 /* share of the value range per smallest spacing: no shading below this gradient */
+#define TC_SHADE_STEEP 0.02 /* full shading above this gradient */
 #define TC_SHADE_FAINT 1e6  /* isosurfaces: full shading from TC_SHADE_STEEP / TC_SHADE_FAINT on, starting at 0 */
 
-/* Laid out as the structure Shade of head.glsl (std140). */
+/* In the layout of the structure Shade of head.glsl (std140). */
 typedef struct tc_shade {
   float gradient[3][4]; /* rows give LPS x, y, z: from the sum of two samples' gradients (voxel units per index step) to
                            their mean as |g| * least spacing / (value range * TC_SHADE_STEEP); 0 for flat axes; [3] unused */
@@ -47,8 +47,8 @@ typedef struct tc_shade {
   float specular, shininess;
 } tc_shade;
 
-/* volume: the scene's, whose value range counts; field: the volume that is sampled (its B-spline coefficients, or
- * itself). The scene was validated (tc_plan_check), and shading.model is not none. Pure. */
+/* volume: the scene's, which gives the value range; field: the sampled volume (its B-spline coefficients, or itself).
+ * The scene was validated (tc_plan_check), and shading.model is not none. Pure. */
 void tc_shade_set_up(tc_shade *shade, const tc_volume *volume, const tc_volume *field, const tc_scene *scene);
 
 #endif

@@ -23,34 +23,34 @@
 
 #define SOFTWARE_PIXELS (1 << 16) /* most pixels per tile */
 #define HARDWARE_PIXELS (1 << 20)
-#define ROW 64 /* largest height of a tile; slow tiles become narrower */
+#define ROW 64 /* largest height of a tile; slow tiles are made narrower */
 #define IN_FLIGHT_MS 20 /* longest expected time of all tiles in flight, during which the halt has no effect */
-#define BACKGROUND_UPLOAD ((size_t)8 << 20) /* bytes of volumes from which on uploading is background work */
+#define BACKGROUND_UPLOAD ((size_t)8 << 20) /* volumes of at least so many bytes are uploaded in the background */
 #define DEFAULT_CACHE_BYTES ((uint64_t)256 << 20)
 
 /* Background work: programs to compile, or volumes to upload. */
 typedef struct background_work {
   tc_gl_variant variants[TC_GL_PASSES];
-  unsigned programs[TC_GL_PASSES]; /* afterwards 0: compiling failed */
-  bool found[TC_GL_PASSES];        /* compiled before */
-  int n;                           /* programs */
+  unsigned programs[TC_GL_PASSES]; /* results; 0: compiling failed */
+  bool found[TC_GL_PASSES];        /* the program was in the cache */
+  int n;                           /* number of programs */
   const tc_gl_drawer *drawer;      /* NULL: rays */
-  tc_volume *volumes[2];  /* references, or NULL, while uploading */
-  uint64_t serials[2];    /* of these volumes, or 0; afterwards of those that failed to upload */
+  tc_volume *volumes[2];  /* references while uploading, or NULL */
+  uint64_t serials[2];    /* of these volumes, or 0; afterwards the serials of failed uploads */
 } background_work;
 
 typedef struct gl_backend {
   tc_gl_context *context;
   tc_gl_program_cache programs;
   tc_gl_warm warm;
-  background_work work; /* the current or latest one of warm */
+  background_work work; /* the current or latest work of `warm` */
   tc_gl_textures textures;
   tc_gl_builder builder;
   tc_gl_ring ring;
   unsigned job_buffer; /* the uniform block Job */
-  unsigned spans;      /* buffer of the job's, of size spans_bytes */
+  unsigned spans;      /* buffer of job.spans, of size spans_bytes */
   size_t spans_bytes;
-  uint16_t textures_bound; /* texture_traits() of them */
+  uint16_t textures_bound; /* texture_traits() of the bound textures */
   tc_gl_pace pace;
   double gpu_ms; /* of the last frame */
   uint64_t compiled;
@@ -58,7 +58,7 @@ typedef struct gl_backend {
   char device[256];
 } gl_backend;
 
-/* ---- life ---- */
+/* ---- construction ---- */
 
 bool tc_gl_probe(bool *hardware, char *why, size_t size) {
   tc_gl_report report;
@@ -123,7 +123,8 @@ static void *create(const tc_renderer_options *options, tc_pool *pool, GError **
   uint64_t cache_bytes = options->cache_bytes ? options->cache_bytes : DEFAULT_CACHE_BYTES;
   b->textures.lookup_budget = cache_bytes;
   b->textures.volume_budget = 4 * cache_bytes; /* graphics memory is mostly for volumes */
-  /* In software a new buffer is zeroed at once, at some 2 GB/s, while nobody hears; our memory is zeroed as it is filled. */
+  /* Software OpenGL zeroes a new buffer at once, at some 2 GB/s, without checking the halt; pages of our own memory are
+   * zeroed as they are filled. */
   b->textures.pins = !report->hardware && epoxy_has_gl_extension("GL_AMD_pinned_memory");
   snprintf(b->device, sizeof b->device, "%s, OpenGL %s", report->renderer, report->version);
   glCreateBuffers(1, &b->job_buffer);
@@ -156,8 +157,8 @@ static const char *kernel_suffix(void *instance) { return "gl"; }
 
 static bool is_power_of_two(size_t n) { return !(n & (n - 1)); }
 
-/* Mesa's llvmpipe compiles a program anew, at its first dispatch, for textures that differ in whether their sides and bytes
- * are powers of two, or their bytes' second digit of 256 is 0. */
+/* Properties of textures for which Mesa's llvmpipe recompiles a program at its first dispatch: whether sides and byte
+ * size are powers of two, and whether the second byte of the size (in base 256) is 0. */
 static uint16_t texture_traits(const tc_gl_volume *const volumes[2], const tc_gl_lookup *const lookups[3]) {
   unsigned traits = 0;
   for (int i = 0; i < 2; i++)
@@ -169,19 +170,19 @@ static uint16_t texture_traits(const tc_gl_volume *const volumes[2], const tc_gl
   return (uint16_t)traits;
 }
 
-/* volume: NULL where none is sampled. */
+/* volume: NULL if no volume is sampled. */
 static tc_gl_variant variant_for(const gl_backend *b, const tc_frame_job *job, const tc_gl_volume *volume, int pass) {
   tc_gl_variant v;
   memset(&v, 0, sizeof v);
   v.plan = job->key;
-  v.plan.shading = v.plan.shading != TC_SHADING_NONE; /* models differ in numbers only: one program for all */
+  v.plan.shading = v.plan.shading != TC_SHADING_NONE; /* models differ only in parameters: one program for all */
   v.atlas = volume && volume->slices_per_layer > 1;
   const tc_gl_drawer *drawer = tc_gl_drawers[job->key.mode];
   v.pass = (uint8_t)(drawer && drawer->variant ? drawer->variant(job->scene, pass) : pass);
   if (volume && !b->pace.hardware) v.textures = b->textures_bound;
   v.linear_light = tc_resolve_is_linear(job->scene);
   v.transparent = job->scene->image.transparent;
-  v.within = tc_mesh_is_within(job->scene); /* its parts are cast ray by ray, and composited as floats */
+  v.within = tc_mesh_is_within(job->scene); /* rays are cast in parts, which are composited as floats */
   v.want_linear = job->want_linear || v.within;
   if (v.within) v.plan.coherence = 0;
   v.want_depth = job->plan->depth;
@@ -280,7 +281,7 @@ static bool bind_labels(gl_backend *b, const tc_frame_job *job, const tc_gl_volu
   return true;
 }
 
-/* The lookups that the job names; others stay NULL. */
+/* The lookups of the job; others stay NULL. */
 static bool lookups_for(gl_backend *b, const tc_frame_job *job, const tc_gl_lookup **table, const tc_gl_lookup **skip,
                         GError **error) {
   double *tables_ms = &job->frame->stats.tables_ms;
@@ -300,7 +301,7 @@ static void fill_job(gl_backend *b, const tc_frame_job *job, const tc_gl_volume 
   glBindBufferBase(GL_UNIFORM_BUFFER, 0, b->job_buffer);
 }
 
-/* Uploads and binds what the job reads. Returns the volume's texture, or NULL with *error set. */
+/* Uploads and binds all inputs of the job. Returns the volume's texture, or NULL with *error set. */
 static const tc_gl_volume *bind(gl_backend *b, const tc_frame_job *job, GError **error) {
   if (!tc_gl_context_use(b->context, error)) return NULL;
   tc_gl_textures_begin(&b->textures);
@@ -315,7 +316,7 @@ static const tc_gl_volume *bind(gl_backend *b, const tc_frame_job *job, GError *
   return volume;
 }
 
-/* In several passes, without rays; the volume itself is not needed. */
+/* Draws a mode of several passes, without rays and without the volume's texture. */
 static bool render_passes(gl_backend *b, const tc_frame_job *job, GError **error) {
   const tc_gl_drawer *drawer = tc_gl_drawers[job->key.mode];
   unsigned programs[TC_GL_PASSES];
@@ -331,7 +332,7 @@ static bool render_passes(gl_backend *b, const tc_frame_job *job, GError **error
   return tc_gl_ring_reserve(&b->ring, tc_gl_slot_bytes(job, b->pace.most), has_clock, error) && drawer->draw(&frame, error);
 }
 
-/* Where rays begin and end, for WITHIN of main.glsl. */
+/* Uploads and binds the spans of the rays, for WITHIN of main.glsl. */
 static void bind_spans(gl_backend *b, const tc_frame_job *job, unsigned program) {
   const size_t bytes = (size_t)job->frame->width * (size_t)job->frame->height * sizeof *job->spans;
   if (bytes > b->spans_bytes) {
@@ -379,7 +380,7 @@ static void compile_in_background(void *argument) {
     e->drawer->warm(&(tc_gl_frame){.programs = e->programs, .most = b->pace.most, .hardware = b->pace.hardware}, e->n);
   } else {
     glUseProgram(e->programs[0]);
-    glDispatchCompute(1, 1, 1); /* its tile is empty until one is set */
+    glDispatchCompute(1, 1, 1); /* the tile uniform is initially empty: no pixel is drawn */
   }
   glFinish();
 }
@@ -419,7 +420,7 @@ static bool has_failed(const background_work *last, const background_work *next)
   return failed && last->n == next->n && memcmp(last->variants, next->variants, sizeof next->variants) == 0;
 }
 
-/* True on failure too: render() will fail again and report the error. */
+/* Ready also after a failure: render() will fail again and report the error. */
 static bool ready(void *instance, const tc_frame_job *job) {
   gl_backend *b = instance;
   if (b->lost) return true;

@@ -23,7 +23,7 @@ void tc_gl_builder_make(tc_gl_builder *builder, tc_table_builder wanted, const t
     builder->why = "built by the cpu: asked for";
     return;
   }
-  if (wanted == TC_TABLES_AUTO && !report->hardware) { /* measured on two cores: it takes ten times as long */
+  if (wanted == TC_TABLES_AUTO && !report->hardware) { /* measured on two cores: OpenGL takes ten times as long */
     builder->why = "built by the cpu: opengl is software here, and slower at it";
     return;
   }

@@ -1,10 +1,11 @@
-/* Pre-integration tables built on the GPU, directly in the buffer that frames read: only their pieces are uploaded,
- * O(n). Entries agree with those of classify/preintegration.c within 1e-6, whatever the extinction. Needs a current context.
+/* Pre-integration tables built on the GPU, directly in the buffer that frames read: only the pieces of the value axis
+ * are uploaded, O(n). Entries agree with those of classify/preintegration.c within 1e-6, whatever the extinction. Needs
+ * a current context.
  *
- * On diagonal k, a window of k segments is the rest of its first block, whole blocks and the beginning of its last.
- * Blocks are about sqrt(n) wide: an entry takes a constant number of compositions, all by one invocation, without
- * barriers or shared memory, for any n. The CPU's blocks are k wide (van Herk, Gil-Werman), which needs fewer
- * compositions but leaves nothing to do in parallel. */
+ * On diagonal k, a window of k segments consists of the end of its first block, whole blocks, and the beginning of its
+ * last. Blocks are about sqrt(n) wide, so an entry takes a bounded number of compositions, all by one invocation,
+ * without barriers or shared memory. The CPU's blocks are k wide (van Herk, Gil-Werman), which needs fewer compositions
+ * but offers no parallelism within a diagonal. */
 #ifndef TC_RAYCAST_GL_BUILDER_H
 #define TC_RAYCAST_GL_BUILDER_H
 
@@ -15,15 +16,16 @@
 typedef struct tc_gl_builder {
   unsigned blocks, windows; /* programs; 0: not in use */
   int most_entries;         /* capacity of a buffer texture */
-  const char *why;          /* who builds tables, and the reason */
+  const char *why;          /* which processor builds tables, and the reason */
 } tc_gl_builder;
 
-/* Compiles the programs if tables are to be built on the GPU: if asked for, or by default on hardware. If compiling
- * fails, the CPU builds tables, and builder->why says so. */
+/* Compiles the programs if tables are built on the GPU: on request, or by default on hardware. If compiling fails, the
+ * CPU builds tables, and builder->why says so. */
 void tc_gl_builder_make(tc_gl_builder *builder, tc_table_builder wanted, const tc_gl_report *report);
 void tc_gl_builder_clear(tc_gl_builder *builder);
 
-/* True if such a table is built on the GPU. *why: who builds it, and the reason; static. */
+/* True if a table with these parameters is built on the GPU. *why: which processor builds it, and the reason;
+ * static. */
 bool tc_gl_builder_serves(const tc_gl_builder *builder, int n, int n_subtables, int bits, const char **why);
 
 /* Writes all entries of the table into a buffer (table->bytes, GL_DYNAMIC_STORAGE_BIT) through its buffer texture

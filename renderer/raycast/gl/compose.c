@@ -34,7 +34,7 @@ static void add(composition *c, const char *name) {
     c->missing = name;
 }
 
-/* Accepts all known keys. An unknown one must fail instead of drawing something else. */
+/* True for known keys. An unknown key must fail instead of drawing another picture. */
 static bool is_built(const tc_gl_variant *v) {
   const tc_plan_key *key = &v->plan;
   bool dvr = key->mode == TC_MODE_DVR, surface = key->mode == TC_MODE_ISOSURFACE, slice = key->mode == TC_MODE_MPR;
@@ -99,7 +99,7 @@ static void add_isosurface(composition *c, const tc_gl_variant *v) {
   add(c, "isosurface.glsl");
 }
 
-/* Triangles into the visibility buffer. */
+/* The program that draws triangles into the visibility buffer. */
 static unsigned compose_mesh_draw(const tc_gl_variant *v, GError **error) {
   const char *version = "#version 450 core\n", *clip = v->plan.clipping ? "#define CLIP 1\n" : "#define CLIP 0\n";
   const char *head = tc_gl_piece("mesh_head.glsl"), *peel = v->pass == 2 ? "#define PEEL 1\n" : "#define PEEL 0\n";
@@ -107,7 +107,7 @@ static unsigned compose_mesh_draw(const tc_gl_variant *v, GError **error) {
                              (const char *[]){version, clip, peel, head, tc_gl_piece("mesh_fragment.glsl")}, 5, "mesh.draw", error);
 }
 
-/* What casts rays, from the camera to the march. */
+/* Adds the pieces that cast rays, from the camera to the march. */
 static void add_rays(composition *c, const tc_gl_variant *v) {
   static const char *const fields[TC_FILTER_COUNT] = {"field_linear.glsl", "field_cubic.glsl", "field_nearest.glsl"};
   add(c, v->plan.projection == TC_PERSPECTIVE ? "ray_perspective.glsl" : "ray_orthographic.glsl");
@@ -137,7 +137,7 @@ static void add_splat(composition *c, const tc_gl_variant *v) {
   if (v->pass) add(c, passes[v->pass].text);
 }
 
-/* What gives each pixel its colour, and writes it. */
+/* Adds the pieces that compute and write each pixel's colour. */
 static void add_picture(composition *c, const tc_gl_variant *v) {
   add(c, "bytes.glsl");
   add(c, v->linear_light ? "encode_srgb.glsl" : "encode_display.glsl");

@@ -1,4 +1,4 @@
-/* A frame's constants as the shaders read them: the uniform block Job of head.glsl, std140. */
+/* A frame's constants for the shaders: the uniform block Job of head.glsl, std140. */
 #ifndef TC_RAYCAST_GL_JOB_H
 #define TC_RAYCAST_GL_JOB_H
 

@@ -2,7 +2,7 @@
 
 #include <math.h>
 
-/* Fastest credible times. Samples are counted from above, so empty tiles seem fast; later tiles may not be. */
+/* Smallest credible times. The samples are an upper bound, so empty tiles seem fast; later tiles may be slower. */
 #define SOFTWARE_NS 12.0
 #define HARDWARE_NS 0.1
 #define HARDWARE_RAY_NS 1500.0

@@ -7,7 +7,7 @@
 #include "renderer/frame/frame.h"
 #include "renderer/raycast/gl/slot.h"
 
-#define BATCH_MS 7 /* expected time of a batch; two are in the queue, between two looks at the halt */
+#define BATCH_MS 7 /* expected time of a batch; two batches are queued between two polls of the halt */
 
 double tc_gl_batch_most(const tc_gl_batch *b) { return BATCH_MS * 1e6 / b->unit_ns; }
 
@@ -28,7 +28,7 @@ bool tc_gl_batch_add(tc_gl_batch *b, double units, const tc_halt *halt) {
 
 void tc_gl_batch_end(tc_gl_batch *b) { glDeleteSync(b->fence); }
 
-/* Reads tiles back until the ring is idle (all), or has room. False: lost. */
+/* Reads tiles back until the ring is idle (all), or has room. False: the GPU is lost. */
 static bool read_back(const tc_gl_frame *f, bool all, GError **error) {
   tc_progress *p = f->job->frame->progress;
   const int across = (f->job->frame->width + p->side - 1) / p->side;

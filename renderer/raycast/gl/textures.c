@@ -107,7 +107,7 @@ static tc_gl_volume *make_room(tc_gl_textures *textures, size_t bytes) {
 
 static bool is_memory_error(const GError *error) { return g_error_matches(error, TC_ERROR, TC_ERROR_MEMORY); }
 
-/* Reports a volume that fits no texture of this device, and how to mend that. */
+/* Reports a volume that fits no texture of this device, and how to fix that. */
 static void say_too_large(const tc_volume *volume, const char *why, GError **error) {
   const int *dims = tc_volume_describe(volume)->dims;
   tc_set_error(error, TC_ERROR_LIMIT, NULL,
@@ -178,7 +178,7 @@ static void drop_lookup(tc_gl_lookup *copy) {
   memset(copy, 0, sizeof *copy);
 }
 
-/* The same for lookups. A frame uses fewer lookups than there are entries. */
+/* As make_room(), for lookups. A frame uses fewer lookups than there are entries. */
 static tc_gl_lookup *make_lookup_room(tc_gl_textures *textures, size_t bytes) {
   for (;;) {
     tc_gl_lookup *unused = NULL, *oldest = NULL;
@@ -214,7 +214,7 @@ typedef struct lookup_source {
   GLenum format;
 } lookup_source;
 
-/* A large one of software OpenGL is in memory of ours. */
+/* Creates the buffer. With software OpenGL, a large buffer is backed by our own memory. */
 static void make_buffer(const tc_gl_textures *textures, tc_gl_lookup *copy) {
   const GLenum pinned = GL_EXTERNAL_VIRTUAL_MEMORY_BUFFER_AMD;
   glCreateBuffers(1, &copy->buffer);

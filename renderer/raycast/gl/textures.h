@@ -1,4 +1,4 @@
-/* Copies of volumes, pre-integration tables and distance maps on the GPU, least recently used out first. Needs a
+/* Copies of volumes, pre-integration tables, distance maps and other lookups on the GPU, with LRU eviction. Needs a
  * current context. */
 #ifndef TC_RAYCAST_GL_TEXTURES_H
 #define TC_RAYCAST_GL_TEXTURES_H
@@ -23,10 +23,11 @@ typedef struct tc_gl_volume {
 
 /* A buffer texture: a table or integrals (RGBA32F), a distance map or bounds (R8UI). */
 typedef struct tc_gl_lookup {
-  uint64_t key[5]; /* serials of table or support, and of the volume (0 for a table: it serves any); block width; serial of
-                      bounds, or a distance map's reach; serial of labels, or of integrals, which serve any volume */
+  uint64_t key[5]; /* serials of table or support, and of the volume (0 for a table, which serves any volume); block
+                      width; serial of bounds, or a distance map's reach; serial of labels, or of integrals (for any
+                      volume) */
   unsigned buffer, texture;
-  void *memory; /* mapped, of `bytes`, that the buffer is in; NULL: it is in the driver's */
+  void *memory; /* our mapping that backs the buffer, of `bytes`; NULL: memory of the driver */
   size_t bytes;
   uint64_t used;
 } tc_gl_lookup;
@@ -37,19 +38,21 @@ typedef struct tc_gl_lookup {
 typedef struct tc_gl_textures {
   tc_gl_volume volumes[TC_GL_VOLUMES];
   tc_gl_lookup lookups[TC_GL_LOOKUPS];
-  size_t volume_budget, lookup_budget; /* bytes; copies used by the current frame may exceed them */
-  uint64_t frame;                      /* number of the current frame, whose copies stay */
-  bool pins;                           /* the driver takes memory of ours for a large lookup's buffer */
+  size_t volume_budget, lookup_budget; /* bytes; the copies that the current frame uses may exceed them */
+  uint64_t frame;                      /* number of the current frame, whose copies are not evicted */
+  bool pins;                           /* the buffer of a large lookup can be backed by our memory */
 } tc_gl_textures;
 
-/* A frame begins, asks for its volume and label volume, then for its lookups; all live until the next frame begins,
- * owned by *textures. Missing ones are uploaded; if the halt (NULL: none) interrupts a lookup's upload, nothing of
- * it is kept. TC_ERROR_LIMIT: no texture of this device is large enough; the message says how to mend it. */
+/* For each frame call tc_gl_textures_begin(), then request volume and label volume, then the lookups. All are owned by
+ * *textures and live until the next frame begins. Missing ones are uploaded; if the halt (NULL: none) interrupts the
+ * upload of a lookup, the upload starts anew next time. TC_ERROR_LIMIT: no texture of this device is large enough; the
+ * message says how to fix it. */
 void tc_gl_textures_begin(tc_gl_textures *textures);
 /* True if the volume is not resident and fits a texture of this device. */
 bool tc_gl_textures_want(const tc_gl_textures *textures, const tc_volume *volume);
 const tc_gl_volume *tc_gl_textures_volume(tc_gl_textures *textures, const tc_volume *volume, GError **error);
-/* Built by the builder if it serves, adding the time to *ms; else the table has entries, which are uploaded. */
+/* The builder fills the table if tc_gl_builder_serves() it, and its time is added to *ms; else the table's entries are
+ * uploaded. */
 const tc_gl_lookup *tc_gl_textures_table(tc_gl_textures *textures, const tc_gl_builder *builder, const tc_table *table,
                                          double *ms, const tc_halt *halt, GError **error);
 const tc_gl_lookup *tc_gl_textures_integrals(tc_gl_textures *textures, const tc_integrals *integrals,
@@ -62,9 +65,9 @@ const tc_gl_lookup *tc_gl_textures_bounds(tc_gl_textures *textures, const tc_vol
 const tc_gl_lookup *tc_gl_textures_labels(tc_gl_textures *textures, const tc_volume *label_volume,
                                           const tc_labels *labels, const tc_halt *halt, GError **error);
 
-/* What is kept as bytes of a layout of its own, for shaders that read its buffer. */
+/* A lookup in another layout, for shaders that read its buffer. */
 typedef struct tc_gl_packing {
-  const char *what;
+  const char *what; /* name, for errors */
   size_t (*bytes)(const void *thing); /* a multiple of 16 */
   bool (*pack)(const void *thing, void *bytes, const tc_halt *halt); /* false: halted */
   const void *thing;
