@@ -40,6 +40,13 @@ static void plan_view(tc_plan *plan, const tc_volume *volume, const tc_scene *s)
   plan->step_mm = tc_rays_step_mm(volume, s);
 }
 
+/* Modes mesh and splat cast no rays: neither coefficients nor a filter are needed. */
+static void plan_object(tc_plan *plan, const tc_volume *volume) {
+  plan->resources = 0;
+  plan->key.filter = TC_FILTER_LINEAR;
+  plan->key.voxel_type = (uint8_t)tc_volume_describe(volume)->type;
+}
+
 static void plan_shading(tc_plan *plan, const tc_scene *s) {
   plan->key.shading = (uint8_t)s->shading.model;
   if (plan->key.shading)
@@ -152,6 +159,7 @@ static tc_shading_model model_of(const tc_scene *s) {
 }
 
 static void plan_mesh(tc_plan *plan, const tc_volume *volume, const tc_scene *s, const tc_plan_request *request) {
+  plan_object(plan, volume);
   plan_view(plan, volume, s);
   plan->surface = tc_surface_make(volume, s);
   plan->depth = request->want_depth;
@@ -173,10 +181,8 @@ static void plan_mpr(tc_plan *plan, const tc_volume *volume, const tc_scene *s) 
   need(plan, TC_RESOURCE_LABELS);
 }
 
-/* Mode splat casts no rays and does not sample the field. */
 static void plan_splat(tc_plan *plan, const tc_volume *volume, const tc_scene *s, const tc_plan_request *request) {
-  plan->resources = 0;
-  plan->key.voxel_type = (uint8_t)tc_volume_describe(volume)->type;
+  plan_object(plan, volume);
   plan->key.projection = (uint8_t)s->camera.projection;
   plan->key.shading = (uint8_t)s->shading.model;
   plan->depth = request->want_depth;

@@ -11,6 +11,7 @@
 #include "renderer/mesh/clip.h"
 #include "renderer/mesh/gl/mesh.h"
 #include "renderer/mesh/surfaces.h"
+#include "renderer/raycast/mpr.h"
 #include "renderer/raycast/rays.h"
 #include "renderer/tomocast.h"
 #include "tests/support/grid.h"
@@ -36,11 +37,23 @@ typedef struct truth {
 
 static bool everything(const void *user, uint32_t label) { return label != 0; }
 
+/* Of the list's item, as mode mpr has it. */
+static tc_mesh_source source_of(const tc_scene *scene, const tc_mesh_surface *item) {
+  if (item->source != TC_SURFACE_OF_PLANE) return (tc_mesh_source){.kind = TC_SURFACE_OF_VALUE, .iso = item->value};
+  tc_mesh_source of = {.kind = TC_SURFACE_OF_PLANE};
+  tc_scene slice = *scene; /* borrows */
+  double right[3], up[3];
+  slice.mpr.orientation = item->plane;
+  tc_slice_basis(&slice, right, up, of.plane);
+  for (int k = 0; k < 3; k++) of.plane[3] -= of.plane[k] * scene->mpr.center[k];
+  return of;
+}
+
 static tc_clusters *surfaces(tc_volume *volume, const tc_volume *labels, const tc_scene *scene) {
   GError *error = NULL;
   tc_mesh_source of[TC_MAX_SURFACES] = {{.kind = TC_SURFACE_OF_VALUE, .iso = scene->isosurface.value}};
   const size_t n = scene->mesh.n_surfaces;
-  for (size_t i = 0; i < n; i++) of[i] = (tc_mesh_source){.kind = TC_SURFACE_OF_VALUE, .iso = scene->mesh.surfaces[i].value};
+  for (size_t i = 0; i < n; i++) of[i] = source_of(scene, &scene->mesh.surfaces[i]);
   const tc_surfaces_wish wish = {.volume = volume, .sources = labels ? NULL : of, .n_sources = n ? n : 1, .labels = labels,
                                  .shows = everything, .max_bytes = 1 << 30};
   tc_surfaces *s = tc_surfaces_begin();
@@ -357,6 +370,49 @@ TEST(translucent_layers_are_sorted) {
     if (round == 2) scene.clip.planes[0][1] = 1, scene.clip.planes[0][3] = -340, scene.clip.n_planes = 1;
     expect_equal(volume, NULL, &scene);
     tc_scene_clear(&scene);
+  }
+  tc_gl_mesh_peels_in_software = false;
+}
+
+static double waves_with_gaps(double x, double y, double z, const void *period) {
+  return (int)x % 7 == 3 && (int)y % 5 < 2 && (int)z % 6 < 3 ? NAN : test_waves(x, y, z, period);
+}
+
+/* Slices through one point, alone, before a surface, cut, through gaps, seen through, and in every type of voxels. */
+TEST(slices_are_the_cpus) {
+  needs(test_renderers[GL]);
+  tc_gl_mesh_peels_in_software = true;
+  const tc_mesh_surface list[] = {{.source = TC_SURFACE_OF_PLANE, .plane = TC_SAGITTAL, .opacity = 1, .visible = true, .two_sided = true},
+                                  {.source = TC_SURFACE_OF_PLANE, .plane = TC_CORONAL, .opacity = 1, .visible = true, .two_sided = true},
+                                  {.source = TC_SURFACE_OF_PLANE, .plane = TC_OBLIQUE, .opacity = 1, .visible = true, .two_sided = true},
+                                  {.value = 0.8, .color = {0.8, 0.3, 1}, .opacity = 1, .has_color = true, .visible = true, .two_sided = true}};
+  static const tc_voxel_type types[6] = {TC_U8, TC_I16, TC_F32, TC_U16, TC_I8, TC_F32};
+  for (int round = 0; round < 6; round++) {
+    const bool gaps = round == 5, translucent = round == 4;
+    g_autoptr(tc_volume) volume = test_volume(
+        &(test_grid){.dims = {40, 36, 38}, .type = types[round], .slope = types[round] == TC_F32 ? 1 : 0.008, .spacing = {2, 2.6, 1.6},
+                     .origin = {-1000, 300, 50}}, gaps ? waves_with_gaps : test_waves, &(double){18});
+    g_auto(tc_scene) scene;
+    mesh_scene(&scene, volume, round & 1 ? TC_ORTHOGRAPHIC : TC_PERSPECTIVE);
+    scene.window.center = 0.5, scene.window.width = 0.6;
+    scene.mpr.has_center = true;
+    memcpy(scene.mpr.center, (double[3]){-959.3, 348.1, 82.7}, sizeof scene.mpr.center);
+    memcpy(scene.mpr.normal, (double[3]){0.3, 0.4, 0.866}, sizeof scene.mpr.normal);
+    scene.sampling.rays_per_pixel = round == 3 ? 4 : 1;
+    scene.image.linear_light = round == 2;
+    if (round == 1) scene.clip.planes[0][1] = 1, scene.clip.planes[0][3] = -340, scene.clip.n_planes = 1;
+    tc_scene_set_surfaces(&scene, g_memdup2(list, sizeof list), round ? 4 : 3);
+    if (translucent) scene.mesh.surfaces[0].opacity = 0.6, scene.mesh.surfaces[2].opacity = 0.4;
+    expect_equal(volume, NULL, &scene);
+    const tc_frame *gl = test_draw(GL, volume, &scene, &(tc_render_request){.want_linear = true}, NULL);
+    int greys = 0, blacks = 0;
+    for (int i = 0; i < PIXELS; i++) {
+      const float *c = gl->linear + 4 * i;
+      greys += c[3] > 0.99f && c[0] == c[1] && c[1] == c[2] && c[0] > 0.2f && c[0] < 0.8f;
+      blacks += c[3] == 1 && c[0] == 0;
+    }
+    print_message("    %d grey pixels, %d black\n", greys, blacks);
+    assert_true(!gl->stats.stand_in && greys > PIXELS / (translucent ? 100 : 20) && (!gaps || blacks > PIXELS / 100));
   }
   tc_gl_mesh_peels_in_software = false;
 }

@@ -14,6 +14,7 @@
 #define HARDWARE_NS 4
 #define SOFTWARE_SAMPLES (1 << 19) /* take some 10 ms to shade */
 #define LOOK 1024      /* clusters between two looks at the halt */
+#define TRIANGLES 3    /* unit of the visibility buffer's texture (mesh_shade.glsl) */
 #define LAYER 5        /* numbers a pixel of what layers gave (mesh_shade.glsl), and one for each of its samples */
 
 /* The uniform block of mesh_head.glsl, std140. */
@@ -23,7 +24,7 @@ typedef struct mesh_block {
   float planes[12][4], offsets[TC_RASTER_SAMPLES][4];
   float centre[2], reference, scale, inverse_scale;
   int32_t perspective, n_planes, n_samples, n_clusters, normals, several, colors;
-  float channels[256];
+  float channels[256], to_index[3][4];
 } mesh_block;
 
 /* Surface of mesh_shade.glsl, std430. */
@@ -170,6 +171,20 @@ static void set_window(const tc_mesh_view *v, const tc_clusters *mesh, float row
   copy_row(row, out);
 }
 
+/* From mm about the mesh's origin. */
+static void set_index_rows(const drawing *d, float rows[3][4]) {
+  const tc_volume *volume = d->gl->job->source;
+  double index[3], moved[3], to[3];
+  tc_volume_lps_to_index(volume, d->mesh->origin, index);
+  for (int k = 0; k < 3; k++) rows[k][3] = (float)index[k];
+  for (int axis = 0; axis < 3; axis++) {
+    memcpy(moved, d->mesh->origin, sizeof moved);
+    moved[axis] += 1024;
+    tc_volume_lps_to_index(volume, moved, to);
+    for (int k = 0; k < 3; k++) rows[k][axis] = (float)((to[k] - index[k]) / 1024);
+  }
+}
+
 static void set_block(drawing *d, const mesh_layout *l) {
   const tc_mesh_view *v = &d->of.view;
   mesh_block *b = &d->block;
@@ -185,6 +200,7 @@ static void set_block(drawing *d, const mesh_layout *l) {
     }
   b->several = d->mesh->n_parts > 1;
   b->colors = (int32_t)((l->colors - l->clusters) / 8);
+  set_index_rows(d, b->to_index);
   if (d->of.raster.channels) memcpy(b->channels, d->of.raster.channels, sizeof b->channels);
   b->reference = (float)v->reference, b->scale = (float)v->scale, b->inverse_scale = (float)(1 / v->scale);
   b->centre[0] = (float)v->centre[0], b->centre[1] = (float)v->centre[1];
@@ -224,7 +240,7 @@ static void make_target(drawing *d, int side) {
 
 static gl_surface gl_surface_of(const tc_raster_surface *s, const tc_raster_look *look) {
   gl_surface to = {.least = look->least, .specular = look->specular, .shininess = look->shininess, .shaded = look->shaded,
-                   .n_lights = look->n_lights, .colored = s->colored};
+                   .n_lights = look->n_lights, .colored = s->textured ? 2 : s->colored};
   memcpy(to.color, s->color, sizeof s->color), to.color[3] = s->opacity;
   memcpy(to.factor, look->factor, sizeof to.factor);
   for (int i = 0; i < 2; i++) memcpy(to.glow[i], look->glow[i], sizeof look->glow[i]);
@@ -353,7 +369,7 @@ static bool peel(drawing *d, const int tile[4]) {
     glEndQuery(GL_ANY_SAMPLES_PASSED);
     glGetQueryObjectuiv(query, GL_QUERY_RESULT, &any);
     halted = halted || tc_halt_within(d->gl->job->halt);
-    glBindTextureUnit(0, d->ids[1]);
+    glBindTextureUnit(TRIANGLES, d->ids[1]);
     glUseProgram(program);
     glProgramUniform4i(program, 0, tile[0], tile[1], tile[2], tile[3]);
     glProgramUniform1i(program, 1, 1);
@@ -370,7 +386,7 @@ static bool peel(drawing *d, const int tile[4]) {
 static bool draw_tile(void *user, const int tile[4], GError **error) {
   drawing *d = user;
   if (!draw_samples(d, tile, 0) || (d->translucent && !peel(d, tile))) return tc_halt_say(d->gl->job->halt, error);
-  glBindTextureUnit(0, d->ids[0]);
+  glBindTextureUnit(TRIANGLES, d->ids[0]);
   glProgramUniform1i(d->gl->programs[0], 1, d->translucent ? 2 : 0);
   return true;
 }
@@ -479,7 +495,7 @@ static void warm(const tc_gl_frame *gl, int n_passes) {
   draw_samples(&d, tile, 0);
   surface.opacity = 0.5f;
   if (d.translucent) peel(&d, tile);
-  glBindTextureUnit(0, d.ids[0]);
+  glBindTextureUnit(TRIANGLES, d.ids[0]);
   glUseProgram(gl->programs[0]);
   glProgramUniform4i(gl->programs[0], 0, 0, 0, 0, 0);
   glDispatchCompute(1, 1, 1);
@@ -487,12 +503,17 @@ static void warm(const tc_gl_frame *gl, int n_passes) {
   glDeleteBuffers(1, &buffer.buffer);
 }
 
+/* Slices show the volume. */
+static bool samples(const tc_scene *scene) {
+  for (size_t i = 0; i < scene->mesh.n_surfaces; i++)
+    if (scene->mesh.surfaces[i].source == TC_SURFACE_OF_PLANE && tc_mesh_surface_shows(&scene->mesh.surfaces[i])) return true;
+  return false;
+}
+
 /* In software a peel of the head's skin and bone takes 500 times as long as the cpu's one pass. */
 static const char *refuses(const tc_scene *scene, bool hardware) {
-  for (size_t i = 0; i < scene->mesh.n_surfaces; i++)
-    if (scene->mesh.surfaces[i].source == TC_SURFACE_OF_PLANE) return "a plane's greys are looked up there";
   const bool slow = passes(scene) > 2 && !hardware && !tc_gl_mesh_peels_in_software;
   return slow ? "OpenGL in software would draw the mesh anew for each translucent layer" : NULL;
 }
 
-const tc_gl_drawer tc_gl_mesh_drawer = {.passes = passes, .refuses = refuses, .draw = draw, .warm = warm};
+const tc_gl_drawer tc_gl_mesh_drawer = {.passes = passes, .samples = samples, .refuses = refuses, .draw = draw, .warm = warm};

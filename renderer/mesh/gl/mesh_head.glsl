@@ -10,4 +10,5 @@ layout(std140, binding = 1) uniform Mesh {
   int normals, several; // bool; several: surfaces
   int colors; // in pairs, where they begin behind the clusters (mesh_shade.glsl)
   vec4 channels[64]; // of the compositing space, for each number of a vertex colour's channel
+  vec4 to_index[3]; // rows: from the mesh's coordinates to index positions of the volume
 } mesh;

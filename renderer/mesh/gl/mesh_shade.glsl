@@ -1,5 +1,5 @@
 // Colours of the visible triangles, each once a pixel (mesh/raster.h; equations: shading.h), in raster_shade_tmpl.h's steps.
-layout(binding = 0) uniform usampler2DArray triangles; // a layer for each sample; 0xffffffff: nothing
+layout(binding = 3) uniform usampler2DArray triangles; // a layer for each sample; 0xffffffff: nothing
 layout(std430, binding = 4) readonly buffer Vertices { uvec4 vertices[]; }; // bits of x, y, z; normal
 layout(std430, binding = 5) readonly buffer Indices { uint indices[]; };
 layout(std430, binding = 6) readonly buffer Clusters { uvec2 clusters[]; }; // first triangle; surface; behind them colours of corners
@@ -9,7 +9,7 @@ struct Surface { // raster.h
   vec4 glow[2];
   vec2 factor;
   float least, specular, shininess;
-  int shaded, n_lights, colored;
+  int shaded, n_lights, colored; // colored: 1: by its vertices; 2: by the volume
   Light lights[8];
 };
 layout(std430, binding = 7) readonly buffer Surfaces { Surface surfaces[]; };
@@ -73,6 +73,37 @@ vec3 light_on(vec3 n, vec3 eye, vec3 color, uint s) {
                (surfaces[s].glow[0].rgb + surfaces[s].glow[1].rgb * q) + glint, 0.0, 1.0);
 }
 
+#if SAMPLED // slices (grey_at() of mesh_job.c)
+#if SAMPLED == 2
+layout(binding = 4) uniform usampler2DArray gaps; // laid out as the volume is
+
+// Whether a voxel that counts in the interpolation has no value; what rounding lets in does not count.
+bool in_gap(vec3 p) {
+  ivec3 cell = min(ivec3(p), max(job.dims.xyz - 2, 0));
+  for (int i = 0; i < 8; i++) {
+    ivec3 corner = ivec3(i & 1, i >> 1 & 1, i >> 2), at = cell + corner;
+    vec3 weight = mix(1.0 - (p - vec3(cell)), p - vec3(cell), vec3(corner));
+    int layer = at.z / job.dims.w;
+    if (all(greaterThan(weight, vec3(1e-4))) && texelFetch(gaps, ivec3(at.x, at.y + (at.z - layer * job.dims.w) * job.dims.y, layer), 0).r != 0u)
+      return true;
+  }
+  return false;
+}
+#endif
+
+// A slice's grey, as the window has it; what has no value is black.
+float grey_at(vec3 at) {
+  vec4 p = vec4(at, 1.0);
+  vec3 index = clamp(vec3(dot(mesh.to_index[0], p), dot(mesh.to_index[1], p), dot(mesh.to_index[2], p)), vec3(0.0), vec3(job.dims.xyz - 1));
+#if SAMPLED == 2
+  if (in_gap(index))
+    return 0.0;
+#endif
+  float node = clamp((field(index) - job.nodes.x) * job.nodes.y, 0.0, job.nodes.z);
+  return decode(clamp((node - job.window.x) * job.window.y + 0.5, 0.0, 1.0));
+}
+#endif
+
 // The triangle's colour where the ray through `at` meets it, and how far that is.
 vec3 shade(uint triangle, vec2 at, out float distance) {
   uvec4 v[3];
@@ -91,7 +122,13 @@ vec3 shade(uint triangle, vec2 at, out float distance) {
   distance = (p[0].z + mesh.reference + (b * ab.z + c * ac.z)) * length(ray);
   uint s = surface_of(triangle);
   vec3 color = surfaces[s].color.rgb;
-  if (surfaces[s].colored != 0)
+#if SAMPLED
+  if (surfaces[s].colored == 2) {
+    vec3 a = uintBitsToFloat(v[0].xyz);
+    return vec3(grey_at(a + b * (uintBitsToFloat(v[1].xyz) - a) + c * (uintBitsToFloat(v[2].xyz) - a)));
+  }
+#endif
+  if (surfaces[s].colored == 1)
     color = min((1.0 - b - c) * channels(triangle, 0u) + b * channels(triangle, 1u) + c * channels(triangle, 2u), 1.0);
   if (surfaces[s].shaded == 0)
     return color;

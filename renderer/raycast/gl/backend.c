@@ -179,6 +179,7 @@ static tc_gl_variant variant_for(const gl_backend *b, const tc_frame_job *job, c
   v.atlas = volume && volume->slices_per_layer > 1;
   const tc_gl_drawer *drawer = tc_gl_drawers[job->key.mode];
   v.pass = (uint8_t)(drawer && drawer->variant ? drawer->variant(job->scene, pass) : pass);
+  if (volume && drawer) v.sampled = tc_volume_gaps(job->source) ? 2 : 1;
   if (volume && !b->pace.hardware) v.textures = b->textures_bound;
   v.linear_light = tc_resolve_is_linear(job->scene);
   v.transparent = job->scene->image.transparent;
@@ -316,7 +317,30 @@ static const tc_gl_volume *bind(gl_backend *b, const tc_frame_job *job, GError *
   return volume;
 }
 
-/* Draws a mode of several passes, without rays and without the volume's texture. */
+/* Whether the frame reads the volume: rays do. */
+static bool samples(const tc_frame_job *job) {
+  const tc_gl_drawer *drawer = tc_gl_drawers[job->key.mode];
+  return !drawer || (drawer->samples && drawer->samples(job->scene));
+}
+
+/* Uploads and binds what the last pass of a mode of several passes reads; *volume is NULL if that is nothing. False with
+ * *error set. */
+static bool bind_sampled(gl_backend *b, const tc_frame_job *job, const tc_gl_volume **volume, GError **error) {
+  const tc_volume *gaps = tc_volume_gaps(job->source);
+  const tc_gl_volume *of_gaps = NULL;
+  *volume = NULL;
+  if (!tc_gl_context_use(b->context, error)) return false;
+  tc_gl_textures_begin(&b->textures);
+  if (!samples(job)) return true;
+  if (!(*volume = tc_gl_textures_volume(&b->textures, job->source, error))) return false;
+  if (gaps && !(of_gaps = tc_gl_textures_volume(&b->textures, gaps, error))) return false;
+  b->textures_bound = texture_traits((const tc_gl_volume *[]){*volume, of_gaps}, (const tc_gl_lookup *[]){NULL, NULL, NULL});
+  glBindTextureUnit(0, (*volume)->texture);
+  if (gaps) glBindTextureUnit(4, of_gaps->texture);
+  return true;
+}
+
+/* Draws a mode of several passes, without rays. */
 static bool render_passes(gl_backend *b, const tc_frame_job *job, GError **error) {
   const tc_gl_drawer *drawer = tc_gl_drawers[job->key.mode];
   unsigned programs[TC_GL_PASSES];
@@ -324,11 +348,11 @@ static bool render_passes(gl_backend *b, const tc_frame_job *job, GError **error
   const tc_gl_frame frame = {.job = job, .programs = programs, .textures = &b->textures, .ring = &b->ring, .most = b->pace.most,
                              .hardware = b->pace.hardware, .job_buffer = b->job_buffer,
                              .lost = &b->lost};
-  if (!tc_gl_context_use(b->context, error)) return false;
-  tc_gl_textures_begin(&b->textures);
+  const tc_gl_volume *volume;
+  if (!bind_sampled(b, job, &volume, error)) return false;
   for (int i = 0, n = drawer->passes(job->scene); i < n; i++)
-    if (!(programs[i] = program_for(b, job, NULL, i, error))) return false;
-  fill_job(b, job, NULL, NULL);
+    if (!(programs[i] = program_for(b, job, i ? NULL : volume, i, error))) return false;
+  fill_job(b, job, volume, NULL);
   return tc_gl_ring_reserve(&b->ring, tc_gl_slot_bytes(job, b->pace.most), has_clock, error) && drawer->draw(&frame, error);
 }
 
@@ -396,7 +420,8 @@ static void upload_in_background(void *argument) {
 /* True: large volumes of the job are being uploaded. Failed uploads are not retried: render() will report the error. */
 static bool uploads(gl_backend *b, const tc_frame_job *job) {
   background_work next = {0};
-  const tc_volume *volumes[2] = {job->volume, job->have.labels ? job->label_volume : NULL};
+  const bool rays = !tc_gl_drawers[job->key.mode];
+  const tc_volume *volumes[2] = {job->volume, job->have.labels && rays ? job->label_volume : NULL};
   size_t bytes = 0;
   if (!tc_gl_context_use(b->context, NULL)) return false;
   for (int i = 0; i < 2; i++) {
@@ -427,13 +452,13 @@ static bool ready(void *instance, const tc_frame_job *job) {
   if (tc_gl_warm_is_busy(&b->warm)) return false;
   take_work(b);
   const tc_gl_drawer *drawer = tc_gl_drawers[job->key.mode];
-  if (!drawer && uploads(b, job)) return false;
-  const tc_gl_volume *volume = drawer ? NULL : bind(b, job, NULL);
-  if (drawer ? !tc_gl_context_use(b->context, NULL) : !volume) return true;
+  if (samples(job) && uploads(b, job)) return false;
+  const tc_gl_volume *volume;
+  if (drawer ? !bind_sampled(b, job, &volume, NULL) : !(volume = bind(b, job, NULL))) return true;
   background_work next = {.n = drawer ? drawer->passes(job->scene) : 1, .drawer = drawer};
   bool all = true;
   for (int i = 0; i < next.n; i++) {
-    next.variants[i] = variant_for(b, job, volume, i);
+    next.variants[i] = variant_for(b, job, drawer && i ? NULL : volume, i);
     next.programs[i] = tc_gl_program_find(&b->programs, &next.variants[i], sizeof *next.variants);
     next.found[i] = next.programs[i];
     all = all && next.found[i];

@@ -49,7 +49,7 @@ static bool is_built(const tc_gl_variant *v) {
   bool rays = key->rays <= !slice;
   return mode && names && filter && labels && rays && key->jitter <= dvr &&
          key->coherence <= (key->rays && key->skipping) && v->want_depth <= (surface || mesh || splat) &&
-         v->pass <= (splat ? 5 : mesh ? 2 : 0);
+         v->sampled <= (mesh ? 2 : 0) && v->pass <= (splat ? 5 : mesh ? 2 : 0);
 }
 
 static const char *sampler_type(const tc_gl_variant *v) {
@@ -143,6 +143,11 @@ static void add_picture(composition *c, const tc_gl_variant *v) {
   add(c, v->linear_light ? "encode_srgb.glsl" : "encode_display.glsl");
   add(c, v->transparent ? "resolve_transparent.glsl" : "resolve_opaque.glsl");
   add(c, v->want_linear ? "write_linear.glsl" : "write_picture.glsl");
+  if (v->sampled) {
+    add(c, "field_gather.glsl");
+    add(c, "field_linear.glsl");
+    add(c, v->linear_light ? "decode_srgb.glsl" : "decode_display.glsl");
+  }
   if (v->plan.mode == TC_MODE_MESH) add(c, "mesh_head.glsl");
   add(c, v->plan.mode == TC_MODE_MESH ? "mesh_shade.glsl" : v->plan.mode == TC_MODE_SPLAT ? "splat_shade.glsl" : "main.glsl");
 }
@@ -165,14 +170,14 @@ unsigned tc_gl_compose(const tc_gl_variant *v, GError **error) {
            "#define LABELLED %d\n#define LABELS %s\n"
            "#define NEAREST %d\n#define SEVERAL %d\n#define JITTER %d\n#define PHASE %d\n#define COHERENT %d\n"
            "#define POST %d\n#define LINEARIZED %d\n#define SECOND_ORDER %d\n#define DEPTH %d\n"
-           "#define PEAK_ROUNDS %d\n#define WITHIN %d\n",
+           "#define PEAK_ROUNDS %d\n#define WITHIN %d\n#define SAMPLED %d\n",
            sampler_type(v), v->atlas, v->plan.termination, v->plan.skipping, v->plan.slab, v->plan.clipping,
            v->plan.shading != TC_SHADING_NONE, has_slopes(v), v->plan.subtables, v->plan.stiff,
            v->plan.labels, v->label_signed ? "isampler2DArray" : "usampler2DArray",
            v->plan.filter == TC_FILTER_NEAREST, v->plan.rays, v->plan.jitter,
            v->plan.mode == TC_MODE_DVR && (v->plan.rays || v->plan.jitter),
            v->plan.coherence, v->plan.classification == TC_POST, v->plan.classification == TC_LINEARIZED,
-           v->plan.classification == TC_PREINTEGRATED2, v->want_depth, TC_PEAK_ROUNDS, v->within);
+           v->plan.classification == TC_PREINTEGRATED2, v->want_depth, TC_PEAK_ROUNDS, v->within, v->sampled);
   add_text(&c, literals);
   if (!mesh && !splat) add_rays(&c, v);
   if (splat) add_splat(&c, v);

@@ -19,6 +19,7 @@ typedef struct tc_gl_variant {
   uint8_t label_signed; /* 0/1: the label volume's voxels are signed */
   uint16_t textures;    /* software drivers: properties of textures for which they recompile (texture_traits() of
                            backend.c) */
+  uint8_t sampled;      /* modes of several passes: 1: the last pass reads the volume; 2: and its gaps */
   uint8_t within;       /* 0/1: rays begin and end at the job's spans */
   uint8_t pass;         /* number of the pass in modes with several (tc_gl_drawer); 0: the last, which writes the
                            picture */

@@ -83,7 +83,7 @@ void tc_gl_job_fill(tc_gl_job_block *block, const tc_frame_job *job, const tc_gl
   if (job->have.integrals) fill_integrals(block, job->have.integrals);
   if (job->have.distance_map) fill_blocks(block, job->have.distance_map->block, job->have.distance_map->blocks);
   if (tc_is_projection((tc_mode)job->key.mode)) fill_projection(block, &job->plan->grey, job->have.bounds, job->rays);
-  if (job->key.mode == TC_MODE_MPR) fill_window(block, job);
+  if (job->key.mode == TC_MODE_MPR || (job->key.mode == TC_MODE_MESH && volume)) fill_window(block, job);
   if (job->key.mode == TC_MODE_ISOSURFACE) {
     block->surface[0] = job->plan->surface.iso;
     block->surface[1] = job->plan->surface.scale;

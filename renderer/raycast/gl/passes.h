@@ -22,6 +22,8 @@ typedef struct tc_gl_frame {
 
 typedef struct tc_gl_drawer {
   int (*passes)(const tc_scene *scene);
+  /* Whether the last pass reads the volume: its texture is then in unit 0, that of its gaps in unit 4. NULL: never. */
+  bool (*samples)(const tc_scene *scene);
   int (*variant)(const tc_scene *scene, int pass); /* tc_gl_variant.pass of a pass; NULL: the same number */
   const char *(*refuses)(const tc_scene *scene, bool hardware); /* a clause: why the cpu draws this scene; NULL: drawn
                                                                    here */
