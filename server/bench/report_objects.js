@@ -86,14 +86,14 @@ function surfaceFigure(title, yLabel, caption, series) {
     xLabel: 'triangles kept',
     yLabel,
     caption,
-    series: series.map(([name, member], i) => ({
+    series: series.map(([name, member, times = 1], i) => ({
       name,
       color: i,
       line: true,
       points: meshes.map((mesh) => ({
         x: mesh.triangles,
-        y: mesh[member],
-        tip: `${count(mesh.triangles)} triangles: ${digits(mesh[member])} ${yLabel}`,
+        y: times * mesh[member],
+        tip: `${count(mesh.triangles)} triangles: ${digits(times * mesh[member])} ${yLabel}`,
       })),
     })),
   });
@@ -114,6 +114,65 @@ function surfaceTable() {
   );
 }
 
+// For every size of picture, the smallest first: how many times as fast as rays triangles are, object by object.
+function meshSpeeds() {
+  const pictures = objects.flatMap((object) => [...(object.sizes ?? []), object]);
+  const sizes = [...new Set(pictures.map(({ size }) => size))].sort((a, b) => a - b);
+  return sizes.map((size) => {
+    const ratios = pictures.filter((one) => one.size === size).map(({ ms }) => ms.isosurface / ms.mesh);
+    return { size, n: ratios.length, wins: ratios.filter((ratio) => ratio > 1).length, ratios };
+  });
+}
+
+const spread = (ratios) => `${digits(Math.min(...ratios), 2)} to ${digits(Math.max(...ratios), 2)} x`;
+
+// After how many frames extracting the triangles has paid; null: never.
+function paysAfter({ ms, buildMs }) {
+  const saved = ms.isosurface - ms.mesh;
+  return saved > 0 ? Math.ceil((buildMs.mesh - buildMs.isosurface) / saved) : null;
+}
+
+// The fewest triangles whose depths are, at 99 %, about as near to the exact ones as those of all of them.
+function fewestAsGood() {
+  const least = Math.max(1.5 * meshes[0].depthP99Mm, 0.01);
+  return meshes.filter(({ depthP99Mm }) => depthP99Mm <= least).at(-1);
+}
+
+// When triangles are the better choice, and when rays.
+function surfaceAdvice(speeds, frames) {
+  const slow = speeds.findLastIndex(({ wins, n }) => 2 * wins < n); // there and in smaller pictures
+  const from = speeds[slow + 1];
+  if (!from || frames === null)
+    return 'The ray-cast isosurface is the better choice here: exact, and triangles are not faster on most objects.';
+  const pictures = slow < 0 ? '' : `, in pictures of ${from.size} pixels to a side or more`;
+  return (
+    `Triangles are the better choice from ${frames} frames of one surface on${pictures}, where they are faster on most objects ` +
+    `(${spread(from.ratios)} at ${from.size}); the ray-cast isosurface is where the value changes sooner` +
+    `${slow < 0 ? '' : ', pictures are smaller'} or depths have to be exact.`
+  );
+}
+
+function surfaceConclusion() {
+  const rays = subject.surface.at(-1);
+  const [full] = meshes;
+  const coarsest = meshes.at(-1);
+  const fewest = fewestAsGood();
+  const speeds = meshSpeeds();
+  const frames = paysAfter(subject);
+  const mm = (value) => `${digits(value, 2)} mm`;
+  const each = speeds.map(({ size, n, wins, ratios }) => `${wins} of ${n} at ${size} pixels (${spread(ratios)})`);
+  const paid = frames === null ? 'never paid for' : `paid for after ${frames} frames`;
+  return [
+    surfaceAdvice(speeds, frames),
+    `Frames of triangles are the shorter on ${each.join(', ')}; extraction takes ${digits(subject.buildMs.mesh)} ms and is ${paid}.`,
+    `Depth, 99 % of pixels: triangles within ${mm(full.depthP99Mm)} of the exact surface, rays within ${mm(rays.depthP99Mm)}; ` +
+      `outline wrong in ${percent(full.outline)} and ${percent(rays.outline)} of pixels.`,
+    `Of ${count(full.triangles)} triangles ${count(fewest.triangles)} (${percent(fewest.triangles / full.triangles)}) are about as ` +
+      `near (${mm(fewest.depthP99Mm)}), in ${digits(fewest.ms)} ms a frame for ${digits(full.ms)}; the coarsest, ` +
+      `${count(coarsest.triangles)}, are within ${mm(coarsest.depthP99Mm)}, in ${digits(coarsest.ms)} ms.`,
+  ];
+}
+
 function surfaceSection() {
   if (!meshes.length) return null;
   return html(
@@ -123,9 +182,14 @@ function surfaceSection() {
     html(
       'p',
       {},
-      `${subject.title}, its surface as triangles, simplified ever further, against the exact trilinear isosurface (the ` +
+      `Of ${subject.title}: the surface as triangles, simplified ever further, against the exact trilinear isosurface (the ` +
         "reference's roots): the share of pixels that only one of the two covers, and how far depths are where both have a " +
         'surface.',
+    ),
+    html(
+      'ul',
+      {},
+      surfaceConclusion().map((line) => html('li', {}, line)),
     ),
     html(
       'div',
@@ -134,7 +198,15 @@ function surfaceSection() {
         ['depth, median mm', 'depthP50Mm'],
         ['depth, 99 % mm', 'depthP99Mm'],
       ]),
-      surfaceFigure('Time over triangles', 'ms a frame', 'A frame of the whole surface, cpu.', [['mesh', 'ms']]),
+      surfaceFigure('Outline over triangles', '% of pixels', 'Pixels that only one of the two covers.', [
+        ['outline', 'outline', 100],
+      ]),
+      surfaceFigure(
+        'Time over triangles',
+        'ms a frame',
+        `The ray-cast isosurface takes ${digits(subject.surface.at(-1).ms)} ms.`,
+        [['mesh', 'ms']],
+      ),
     ),
     surfaceTable(),
   );

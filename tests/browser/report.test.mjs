@@ -108,6 +108,28 @@ test('objects: a row each, every way drawn, and where splats and rays change pla
   await page.context().close();
 });
 
+test('surfaces: when triangles are the better choice, by the figures; error, outline and time over triangles', { skip }, async () => {
+  const page = await browser.page({ viewport: { width: 1366, height: 768 } });
+  await page.goto(address);
+  const section = await page.$eval('#surface', (element) => ({
+    words: [...element.querySelectorAll('li')].map((item) => item.textContent),
+    figures: [...element.querySelectorAll('figure h4')].map((title) => title.textContent),
+  }));
+  assert.deepEqual(section.figures, ['Error over triangles', 'Outline over triangles', 'Time over triangles']);
+  assert.equal(section.words.length, 4);
+  assert.match(section.words[0], /^(Triangles are the better choice from \d+ frames|The ray-cast isosurface is the better choice here)/);
+  // Made-up figures: rays are faster in small pictures; 90 ms more of building are paid for by 10 ms a frame.
+  const speeds = [{ size: 64, n: 3, wins: 1, ratios: [0.5, 0.8, 2] }, { size: 128, n: 3, wins: 2, ratios: [0.9, 2, 4] }];
+  const advise = (...given) => page.evaluate((all) => surfaceAdvice(...all), given);
+  const frames = await page.evaluate(() => paysAfter({ ms: { isosurface: 12, mesh: 2 }, buildMs: { isosurface: 5, mesh: 95 } }));
+  assert.equal(frames, 9);
+  assert.equal(await page.evaluate(() => paysAfter({ ms: { isosurface: 2, mesh: 2 }, buildMs: { isosurface: 0, mesh: 1 } })), null);
+  assert.match(await advise(speeds, 9), /from 9 frames of one surface on, in pictures of 128 pixels .*\(0.9 to 4 x at 128\).*pictures are smaller or/);
+  assert.doesNotMatch(await advise(speeds.slice(1), 9), /smaller/);
+  assert.match(await advise(speeds.slice(0, 1), 9), /^The ray-cast isosurface is the better choice here/);
+  await page.context().close();
+});
+
 for (const colorScheme of ['light', 'dark']) {
   test(`no wider than a phone; a table that is, is shaded where it goes on (${colorScheme})`, { skip }, async () => {
     const page = await browser.page({ viewport: { width: PHONE, height: 844 }, colorScheme });

@@ -131,7 +131,9 @@ static void objects_are_judged(const cJSON *report) {
     const char *const ways[] = {"splat", "isosurface", "mesh"};
     for (int i = 0; i < 3; i++) {
       const cJSON *ms = cJSON_GetObjectItem(object, "ms"), *expected = cJSON_GetObjectItem(object, "expectedMs"),
-                  *error = cJSON_GetObjectItem(cJSON_GetObjectItem(object, "errors"), ways[i]);
+                  *error = cJSON_GetObjectItem(cJSON_GetObjectItem(object, "errors"), ways[i]),
+                  *build = cJSON_GetObjectItem(cJSON_GetObjectItem(object, "buildMs"), ways[i]);
+      assert_true(build->valuedouble >= 0 && (i < 2 || build->valuedouble > 0)); /* triangles are extracted first */
       assert_true(cJSON_GetObjectItem(ms, ways[i])->valuedouble > 0);
       assert_true(cJSON_GetObjectItem(expected, ways[i])->valuedouble > 0);
       rms[i] = cJSON_GetObjectItem(error, "rms")->valuedouble;
