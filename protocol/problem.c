@@ -9,7 +9,7 @@ typedef struct problem {
 static const problem problems[] = {
     [TC_ERROR_INVALID] = {422, "invalid", "A value is out of its range or has no meaning"},
     [TC_ERROR_SYNTAX] = {400, "syntax", "The text cannot be parsed"},
-    [TC_ERROR_NOT_FOUND] = {404, "not-found", "No such thing"},
+    [TC_ERROR_NOT_FOUND] = {404, "not-found", "Not found"},
     [TC_ERROR_CONFLICT] = {409, "conflict", "In use, or changed in the meantime"},
     [TC_ERROR_UNSUPPORTED] = {501, "unsupported", "Understood, but not built"},
     [TC_ERROR_LIMIT] = {413, "limit", "Over a limit"},

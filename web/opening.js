@@ -81,7 +81,7 @@ export class Opening {
       return asked;
     } catch (error) {
       if (!asked || (error.status !== 400 && error.status !== 422)) throw error;
-      this.#on.toast(`The view in the address is not to be had: ${error.message}`);
+      this.#on.toast(`The view in the address cannot be opened: ${error.message}`);
       return this.#create(id, null);
     }
   }
@@ -98,7 +98,7 @@ export class Opening {
     } catch (error) {
       if (error.status !== 404 || !volume) return this.#on.failed(error);
       if (linked(this.#api.token).session) this.#api.token = ''; // the token was for that session only
-      this.#on.toast('The session of this link is over. Here is the same view, in a session of your own.');
+      this.#on.toast('The session of this link has ended. Here is the same view, in a session of your own.');
       await this.open(volume, { scene: this.#kept(volume), view });
     } finally {
       this.#done();

@@ -166,7 +166,7 @@ export class Sequence {
         if (this.#known.size < count) throw new Error('one was dropped');
       }
     } catch {
-      if (this.#run === run) this.#on.note(`Memory holds ${this.#known.size} of ${frames} volumes: those are played.`);
+      if (this.#run === run) this.#on.note(`Only ${this.#known.size} of ${frames} volumes fit in memory; the cine plays those.`);
     }
   }
 

@@ -36,7 +36,7 @@ static bool read_tokens(tcs_access *access, const tcs_config *config, GError **e
 static bool make_secrets(tcs_access *access, GError **error) {
   if (tcs_random(access->share_key, sizeof access->share_key) && tcs_random(access->salt, sizeof access->salt))
     return true;
-  tc_set_error(error, TC_ERROR_IO, NULL, "no random numbers to be had");
+  tc_set_error(error, TC_ERROR_IO, NULL, "the system provides no random numbers");
   return false;
 }
 

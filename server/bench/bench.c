@@ -334,7 +334,7 @@ static bool parse(bench *b, int argc, char **argv, GError **error) {
       {"zoom", 0, 0, G_OPTION_ARG_DOUBLE, &a->zoom, "1 fits the bounding sphere (1.3)", "FACTOR"},
       {"cache", 0, 0, G_OPTION_ARG_INT, &a->cache, "memory for tables and meshes (256); large meshes need more", "MIB"},
       {"gl", 0, 0, G_OPTION_ARG_NONE, &a->gl, "measure the gl back end too", NULL},
-      {"scene", 0, 0, G_OPTION_ARG_FILENAME, &a->scene, "scene document laid over the fitted one", "FILE"},
+      {"scene", 0, 0, G_OPTION_ARG_FILENAME, &a->scene, "scene document applied to the fitted defaults", "FILE"},
       {"set", 0, 0, G_OPTION_ARG_FILENAME_ARRAY, &a->set, "change one member of the scene; may be repeated",
        "KEY=VALUE"},
       {"paper", 0, 0, G_OPTION_ARG_FILENAME, &a->paper,

@@ -39,7 +39,7 @@ const CHOICES = [
     title: 'Early ray termination',
     words:
       'A ray ends once less than this share of what lies behind it would be seen; usual: never. Errors are differences ' +
-      "from the same setting that ends no ray; no pixel's may be above the threshold.",
+      "from the same setting without early ray termination; no pixel's may be above the threshold.",
     differs: (row) => row.termination > 0,
     label: (row) => digits(row.termination, 2),
     measures: ['endedRms', 'endedMax'],
@@ -278,7 +278,7 @@ function terminationChart(scene) {
     title: 'Early ray termination: cost and gain',
     xLabel: 'threshold of transparency',
     yLabel: 'largest difference; share of time',
-    caption: 'Beside the same setting that ends no ray.',
+    caption: 'Beside the same setting without early ray termination.',
     series: [
       ...series('difference', {}, (row) => row.endedMax),
       ...series('time', { dashed: true, hollow: true }, share),

@@ -23,7 +23,7 @@ static bool on_reserve(void *user, uint64_t bytes, GError **error) {
   tcs_budget *budget = load->catalogue->server->budget;
   load->wanted = tcs_room_of(bytes);
   if (load->wanted > tcs_budget_voxels(budget)) {
-    tc_set_error(error, TC_ERROR_LIMIT, NULL, "it takes %.1f MiB; all volumes and meshes together may have %.1f MiB",
+    tc_set_error(error, TC_ERROR_LIMIT, NULL, "it needs %.1f MiB; the limit for all volumes and meshes is %.1f MiB",
                  (double)bytes / 0x1p20, (double)tcs_budget_voxels(budget) / 0x1p20);
     return false;
   }

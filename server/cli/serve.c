@@ -394,7 +394,7 @@ tcs_daemon *tcs_daemon_open(int argc, char **argv, int *code) {
        "access tokens: lines of NAME ROLE TOKEN (view, edit, admin); SIGHUP rereads the file", "FILE"},
       {"insecure-no-auth", 0, 0, G_OPTION_ARG_NONE, &options.insecure_no_auth,
        "let everybody in who can reach the address", NULL},
-      {"config", 0, 0, G_OPTION_ARG_FILENAME, &options.config, "settings and limits; options given here win over it",
+      {"config", 0, 0, G_OPTION_ARG_FILENAME, &options.config, "settings and limits; command-line options override it",
        "FILE"},
       {0}};
   const tcs_cli_usage usage = {"serve", NULL, "Serves volumes as pictures over HTTP and WebSocket.", entries};

@@ -10,7 +10,7 @@
 #define SHARE_MOST_S 2592000 /* longest lifetime */
 
 static void no_session(tcs_request *request) {
-  tcs_reply_problem(request, 404, "not-found", "No such thing", "there is no such session; it may have ended");
+  tcs_reply_problem(request, 404, "not-found", "Not found", "there is no such session; it may have ended");
 }
 
 static void post_ticket(tcs_request *request, cJSON *body, const tcp_lists *lists) {

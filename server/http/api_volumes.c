@@ -49,7 +49,7 @@ static tcs_entry *entry_of(tcs_request *request) {
       tcs_entry_visible(request, kind, id) ? tcs_catalogue_find(request->server->catalogue, kind, id) : NULL;
   if (entry) return entry;
   char *detail = g_strdup_printf("there is no such %s; GET %s lists them", tcs_kind_names[kind], tcs_kind_paths[kind]);
-  tcs_reply_problem(request, 404, "not-found", "No such thing", detail);
+  tcs_reply_problem(request, 404, "not-found", "Not found", detail);
   g_free(detail);
   return NULL;
 }

@@ -284,7 +284,7 @@ static enum MHD_Result on_request(void *user, struct MHD_Connection *connection,
   if (!request) {
     *context = request = new_request(http, connection, method);
     if (request->number > tcs_strict_heads(link_of(connection)->strict)) {
-      tcs_log(TCS_LOG_ERROR, "http.unguarded", "text=\"the HTTP library was given bytes that nobody checked\"");
+      tcs_log(TCS_LOG_ERROR, "http.unguarded", "text=\"the HTTP library received bytes that were not checked\"");
       return MHD_NO;
     }
     admit(request, path);

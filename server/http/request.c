@@ -171,7 +171,7 @@ tcs_session *tcs_session_of(tcs_request *request) {
   if (session)
     session->used_us = g_get_monotonic_time();
   else
-    tcs_reply_problem(request, 404, "not-found", "No such thing", "there is no such session; it may have ended");
+    tcs_reply_problem(request, 404, "not-found", "Not found", "there is no such session; it may have ended");
   return session;
 }
 

@@ -114,7 +114,7 @@ static void loop_and_log(GString *out, tcs_metrics *m) {
   gauge(out, "loop_lag_max_seconds", "The longest turn since the last scrape.", m->lag_max);
   gauge(out, "loop_turn_cpu_max_seconds", "The most processor time of a turn since the last scrape.", m->turn_cpu_max);
   m->lag_max = m->turn_cpu_max = 0;
-  counter(out, "log_dropped_total", "Log lines that found no room.", tcs_log_dropped());
+  counter(out, "log_dropped_total", "Log lines dropped because the buffer was full.", tcs_log_dropped());
 }
 
 static void class_counter(GString *out, const tcs_metrics *m, const char *name, const char *help, size_t offset) {
@@ -154,11 +154,11 @@ static void classes(GString *out, const tcs_metrics *m) {
 }
 
 static void memory(GString *out, const tcs_gauges *gauges) {
-  head(out, "memory_bytes", "gauge", "Memory of the budget in use, by what uses it.");
+  head(out, "memory_bytes", "gauge", "Memory in use, by kind.");
   for (size_t i = 0; i < G_N_ELEMENTS(gauges->memory) && gauges->memory[i].kind; i++)
     g_string_append_printf(out, "tomocast_memory_bytes{kind=\"%s\"} %" G_GUINT64_FORMAT "\n", gauges->memory[i].kind,
                            gauges->memory[i].bytes);
-  gauge(out, "memory_budget_bytes", "All that may be used.", (double)gauges->memory_total);
+  gauge(out, "memory_budget_bytes", "Memory budget.", (double)gauges->memory_total);
 }
 
 char *tcs_metrics_write(tcs_metrics *m, const tcs_gauges *gauges, const char *backend) {
@@ -175,8 +175,8 @@ char *tcs_metrics_write(tcs_metrics *m, const tcs_gauges *gauges, const char *ba
   classes(out, m);
   histogram_of(out, "frame_error_rms", "Error of measured frames against the reference, colour 0..1.", &m->error,
                error_bounds);
-  counter(out, "meter_pixels_total", "Pixels that the error meter integrated anew.", m->meter_pixels);
-  counter(out, "meter_cancelled_total", "Measurements that a newer frame ended.", m->meter_cancelled);
+  counter(out, "meter_pixels_total", "Pixels integrated by the error meter.", m->meter_pixels);
+  counter(out, "meter_cancelled_total", "Measurements cancelled by a newer frame.", m->meter_cancelled);
   counter(out, "quality_measurements_total", "Views measured for models of the error.", m->quality_measurements);
   head(out, "meter_seconds_total", "counter", "Time that the error meter took, off the render path.");
   g_string_append_printf(out, "tomocast_meter_seconds_total %.9g\n", m->meter_seconds);
@@ -191,7 +191,7 @@ char *tcs_metrics_write(tcs_metrics *m, const tcs_gauges *gauges, const char *ba
   counter(out, "ws_messages_total", "Messages received.", m->ws_messages);
   counter(out, "ws_errors_total", "Messages answered with an error.", m->ws_errors);
   counter(out, "ws_sent_bytes_total", "Payload bytes sent to WebSocket viewers.", m->ws_sent_bytes);
-  counter(out, "patches_total", "Patches laid on scenes.", m->patches);
+  counter(out, "patches_total", "Patches applied to scenes.", m->patches);
   counter(out, "scene_changes_total", "Changes of scenes, one for all patches of a turn.", m->scene_changes);
   counter(out, "uploads_total", "Volumes uploaded completely.", m->uploads);
   counter(out, "upload_bytes_total", "Bytes received in uploads.", m->upload_bytes);

@@ -48,7 +48,7 @@ void tcs_sessions_each(tcs_sessions *sessions, void (*each)(tcs_session *session
 static bool random_id(char id[33], GError **error) {
   uint8_t bytes[16];
   if (getrandom(bytes, sizeof bytes, 0) != sizeof bytes) {
-    tc_set_error(error, TC_ERROR_IO, NULL, "no random numbers to be had");
+    tc_set_error(error, TC_ERROR_IO, NULL, "the system provides no random numbers");
     return false;
   }
   for (int i = 0; i < 16; i++) g_snprintf(id + 2 * i, 3, "%02x", bytes[i]);

@@ -154,7 +154,7 @@ describe('addresses and names', { skip }, () => {
       const guest = await open(browser, link);
       assert.notEqual((await stageData(guest.page)).session, session);
       near((await scene(guest.page)).camera.position, camera.position);
-      assert.match(await guest.page.textContent('.toast'), /session of this link is over/);
+      assert.match(await guest.page.textContent('.toast'), /session of this link has ended/);
       assert.equal(new URL(guest.page.url()).search, '');
       await guest.page.close();
     });

@@ -132,7 +132,7 @@ test('what is no label volume is refused by name', async () => {
 });
 
 test('what does not look like labels of this volume is refused with the reason, unless one insists', async () => {
-  for (const [volume, why] of [['scan', /values/], ['shifted', /lie elsewhere/]]) {
+  for (const [volume, why] of [['scan', /values/], ['shifted', /not on the volume's grid/]]) {
     const { detail } = problem(await d.post('/v1/sessions', { volume: 'grey', scene: scene({ volume }) }), 409, '/scene/labels/volume');
     assert.match(detail, why);
     assert.match(detail, /labels\.force/);
