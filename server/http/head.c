@@ -25,7 +25,7 @@ typedef struct reader {
   bool http10;     /* HTTP/1.0: no Upgrade, Expect or chunks */
   slice authority; /* of an absolute target: overrides the Host field */
   slice upgrade;   /* of an Upgrade field that asks for a WebSocket */
-  bool host, length, coding;
+  bool host, length, coding, expects;
   GString *lists[LIST_COUNT];
   unsigned once; /* bit i: ONCE[i] was seen */
   int fields;
@@ -222,7 +222,7 @@ static const tcs_refusal *read_coding(reader *r, slice value) {
 static const tcs_refusal *read_expect(reader *r, slice value) {
   if (r->http10) return NULL; /* RFC 9110, section 10.1.1: ignored */
   if (!same(value, "100-continue")) REFUSE(417, "expect", "Expectation failed", "the only supported Expect is 100-continue");
-  put_field(r->plain, "Expect", 6, value);
+  r->expects = true;
   return NULL;
 }
 
@@ -280,6 +280,9 @@ static const tcs_refusal *finish(reader *r) {
   if (r->coding) put_text(r->plain, "Transfer-Encoding: chunked\r\n");
   g_snprintf(line, sizeof line, "Content-Length: %" G_GUINT64_FORMAT "\r\n", r->head.length);
   if (r->length) put_text(r->plain, line);
+  /* RFC 9110, section 10.1.1: a request without content expects nothing. libmicrohttpd answers 100 even so, and then
+   * closes without a reply if another request follows. */
+  if (r->expects && (r->coding || r->head.length)) put_text(r->plain, "Expect: 100-continue\r\n");
   /* RFC 9110, section 7.8: a server may ignore Upgrade. This one does for requests with a body. */
   r->head.upgrade = r->upgrade.size && !r->coding && !r->head.length;
   if (r->head.upgrade) put_field(r->plain, "Upgrade", 7, r->upgrade);

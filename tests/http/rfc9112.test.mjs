@@ -174,6 +174,8 @@ const rows = [
   ['9112 6.3', 'chunks where none are wanted', `GET /healthz HTTP/1.1\r\n${H}Transfer-Encoding: chunked\r\n\r\n3\r\nabc\r\n0\r\n\r\n`, [200, END]],
   ['9112 6.3', 'a refused body does not become a request', put('Content-Length: 40\r\nContent-Length: 0\r\n\r\n') + last, [400]],
   ['9110 10.1.1', '100-continue', post('Content-Length: 2\r\nExpect: 100-continue\r\n', '{}'), [422, END]],
+  ['9110 10.1.1', '100-continue without a body', post('Content-Length: 0\r\nExpect: 100-continue\r\n'), [400, END]],
+  ['9110 10.1.1', '100-continue of a GET', get('/healthz', `${H}Expect: 100-continue\r\n`), [200, END]],
   ['9110 10.1.1', 'another expectation', post('Content-Length: 2\r\nExpect: coffee\r\n', '{}'), [417]],
   ['9110 10.1.1', 'an expectation in HTTP/1.0 is ignored', `POST /v1/render HTTP/1.0\r\n${H}${JSON_TYPE}Content-Length: 2\r\nExpect: 100-continue\r\n\r\n{}`, [422]],
   ['9110 7.8', 'an upgrade to something else is ignored', get('/healthz', `${H}Connection: Upgrade\r\nUpgrade: h2c\r\n`), [200, END]],

@@ -33,7 +33,9 @@ static void check(const char *in, const char *wanted, int status) {
 
 TEST(test_heads_come_out_plain) {
   check("\r\nGET /x?y HTTP/1.7\r\nHOST:a\r\nX-y:  z \t\r\nExpect: 100-Continue\r\n\r\n",
-        "GET /x?y HTTP/1.1\r\nHost: a\r\nX-y: z\r\nExpect: 100-Continue\r\n\r\n", 0);
+        "GET /x?y HTTP/1.1\r\nHost: a\r\nX-y: z\r\n\r\n", 0);
+  check("PUT / HTTP/1.1\r\nExpect: 100-Continue\r\nContent-Length: 1\r\n" HOST "\r\n",
+        "PUT / HTTP/1.1\r\n" HOST "Content-Length: 1\r\nExpect: 100-continue\r\n\r\n", 0);
   check("GET HTTP://b:1?q HTTP/1.1\r\nX: 1\r\n" HOST "\r\n", "GET /?q HTTP/1.1\r\nHost: b:1\r\nX: 1\r\n\r\n", 0);
   check("POST / HTTP/1.1\r\nContent-Length: 0003\r\n" HOST "\r\nabcGET / HTTP/1.0\r\nUpgrade: websocket\r\n"
         "Expect: x\r\n\r\n",
