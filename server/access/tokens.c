@@ -160,9 +160,11 @@ bool tcs_tokens_have(const tcs_tokens *tokens, const tcs_caller *caller) {
   return token && token->role == caller->role && strcmp(token->name, caller->name) == 0;
 }
 
-bool tcs_tokens_name(const tcs_tokens *tokens, const char *name) {
-  for (guint i = 0; i < tokens->list->len; i++)
-    if (strcmp(g_array_index(tokens->list, tcs_token, i).name, name) == 0) return true;
+bool tcs_tokens_name(const tcs_tokens *tokens, const char *name, tcs_role role) {
+  for (guint i = 0; i < tokens->list->len; i++) {
+    const tcs_token *token = &g_array_index(tokens->list, tcs_token, i);
+    if (token->role >= role && strcmp(token->name, name) == 0) return true;
+  }
   return false;
 }
 

@@ -32,8 +32,8 @@ void tcs_tokens_free(tcs_tokens *tokens); /* NULL is fine */
 const tcs_token *tcs_tokens_find(const tcs_tokens *tokens, const char *presented, size_t *compared);
 /* Whether the caller's token is still in the file, with the same name and role. */
 bool tcs_tokens_have(const tcs_tokens *tokens, const tcs_caller *caller);
-/* Whether some token has this name. */
-bool tcs_tokens_name(const tcs_tokens *tokens, const char *name);
+/* Whether some token has this name, and that role or a higher one. */
+bool tcs_tokens_name(const tcs_tokens *tokens, const char *name, tcs_role role);
 unsigned tcs_tokens_count(const tcs_tokens *tokens);
 
 #endif

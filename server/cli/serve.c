@@ -68,6 +68,7 @@ static void done_reload(tcs_task *task) {
     tcs_log(TCS_LOG_INFO, "tokens.renewed", "count=%u", tcs_tokens_count(reload->tokens));
     tcs_access_renew(server->access, reload->tokens);
     if (server->sessions && !server->draining) tcs_sessions_end_orphans(server->sessions);
+    reload->d->ticked_us = 0; /* the streams of removed tokens end in this turn */
   } else {
     tcs_log(TCS_LOG_WARN, "tokens.kept", "text=\"the tokens stay as they were\" reason=%s", reload->error->message);
   }

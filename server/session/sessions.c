@@ -136,7 +136,7 @@ void tcs_sessions_end_of(tcs_sessions *sessions, const tcs_entry *entry) {
 void tcs_sessions_end_orphans(tcs_sessions *sessions) {
   for (guint i = sessions->order->len; i-- > 0;) {
     tcs_session *session = g_ptr_array_index(sessions->order, i);
-    if (!tcs_tokens_name(sessions->server->access->tokens, session->owner)) tcs_session_end(session);
+    if (!tcs_tokens_name(sessions->server->access->tokens, session->owner, TCS_ROLE_EDIT)) tcs_session_end(session);
   }
 }
 

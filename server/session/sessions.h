@@ -20,7 +20,7 @@ void tcs_session_end(tcs_session *session);
 /* Ends every session that uses a volume, also as labels. */
 void tcs_sessions_end_of(tcs_sessions *sessions, const tcs_entry *entry);
 
-/* Ends the sessions of owners whose token is no longer in the token file; their share links end too. */
+/* Ends the sessions of owners who have no token with the role edit any more; their share links end too. */
 void tcs_sessions_end_orphans(tcs_sessions *sessions);
 
 /* Microseconds until a session comes to rest or may be retried; -1 = none. */

@@ -69,6 +69,26 @@ test('SIGHUP reads the tokens again: who is no more in the file is out, the othe
   await d.stop();
 });
 
+test('who may only look from now on keeps no session, and no link that edits', async () => {
+  const { d, file } = await withTokens(line('root', 'admin') + line('ann', 'edit') + line('bob', 'admin'));
+  const make = async (name) => (await d.post('/v1/sessions', { volume: 'ball', scene: { image: { width: 32, height: 32 } } }, as(name))).json;
+  const anns = await make('ann'), bobs = await make('bob');
+  const share = async (session, name) => (await d.post(`${session.links.self}/share`, { role: 'edit' }, as(name))).json.token;
+  const change = (session, link) => d.patch(session.links.scene, { mode: 'mip' }, { headers: { authorization: `Bearer ${link}` } });
+  const links = [await share(anns, 'ann'), await share(bobs, 'bob')];
+  const ofRoot = await stream(d, bobs, 'root');
+  assert.deepEqual([(await change(anns, links[0])).status, (await change(bobs, links[1])).status], [200, 200]);
+  writeFileSync(file, line('root', 'edit') + line('ann', 'view') + line('bob', 'edit'));
+  d.process.kill('SIGHUP');
+  await logged(d, /tokens\.renewed count=3/);
+  ofRoot.patch(1, { mode: 'mpr' });
+  problem(await change(anns, links[0]), 404);
+  assert.equal((await change(bobs, links[1])).status, 200, 'he may still edit');
+  assert.equal((await ofRoot.ended).code, 1008);
+  assert.equal((await d.get(bobs.links.scene, as('bob'))).json.mode, 'mip', 'a role that has gone changes nothing any more');
+  await d.stop();
+});
+
 test('the metrics are for admins, and for everybody where they have a place of their own', async () => {
   const { d } = await withTokens(line('root', 'admin') + line('ann', 'edit'), { args: ['--metrics-listen', '127.0.0.1:0'] });
   problem(await d.get('/metrics', as('ann')), 403);
