@@ -29,7 +29,8 @@ typedef struct tc_meter_result {
                        taken in its logarithm (squares are skewed and never below 0); both 0 where every pixel is exact */
   double max;       /* largest difference of a channel among these pixels: a lower bound for the frame */
   int pixels;       /* number of measured pixels */
-  /* If tc_meter_wants_depth(): depth of the first surface against the exact surface (the root of the trilinear field of the
+  /* If tc_meter_wants_depth(): depth of the first surface against the exact surface (the root of the trilinear field of
+   * the
      volume or of a label's smoothed indicator; a mesh's own triangles). All surfaces together, then one by one. */
   tc_depth_error depth, surfaces[TC_METER_SURFACES];
   int n_surfaces; /* surfaces hit; if more than TC_METER_SURFACES, those with the most pixels */

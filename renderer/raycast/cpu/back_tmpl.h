@@ -1,9 +1,8 @@
 /* Direct volume rendering of a packet, back to front: the samples and segments of dvr_tmpl.h in reverse. There is no
- * early ray termination, because the nearest segment comes last. A ray joins when the march reaches its last
- * segment. */
+ * early ray termination, because the nearest segment comes last. A ray joins the march at its last segment. */
 
-/* The over operator, segment in front of sum, as sum + (segment - opacity * sum): thin segments of a long ray then
- * lose no more to rounding than front to back. */
+/* The over operator, segment in front of sum, as sum + (segment - opacity * sum): thin segments of a long ray then lose
+ * no more to rounding than in front-to-back order. */
 V_INLINE void composite_over(vf4 c, vm live, vf4 *sum) {
   vf none = v_set(0), a = v_select(live, c.a, none);
   sum->r = sum->r + v_fnma(a, sum->r, v_select(live, c.r, none));
@@ -14,7 +13,7 @@ V_INLINE void composite_over(vf4 c, vm live, vf4 *sum) {
 
 #define MOST_RUNS 32 /* per packet; the last one extends to the end of the rays */
 
-/* The occupied runs of segments, first to last; returns how many. */
+/* Finds the occupied runs of segments, first to last; returns their number. */
 V_INLINE int find_runs(const tc_cpu_args *args, variant v, const packet *p, const place *at, int steps,
                        int from[MOST_RUNS], int to[MOST_RUNS]) {
   int n = 0;
@@ -56,7 +55,7 @@ V_ONCE void cast_back_to_front(const tc_cpu_args *args, variant v, const place *
         counts->samples += (uint64_t)m_count(live);
       }
       before = i;
-      /* For a ray that joins at the next step, this samples its end: the back of its last segment. */
+      /* For a ray that joins at the next step, this is the sample at its end: the back of its last segment. */
       front = sample_node(args, v, &p, v_min(t0, p.length), at_front);
       counts->samples += (uint64_t)m_count(live);
       if (v.classification == TC_PREINTEGRATED2 || !all_zero(args, front, back, live)) {

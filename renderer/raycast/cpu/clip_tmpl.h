@@ -12,8 +12,7 @@ V_INLINE void clip_axis(vf q, vf d, vf inverse, vf lo, vf hi, vf *s0, vf *s1) {
   *s1 = v_min(*s1, far);
 }
 
-/* Narrows [*s0, *s1] to the half space of one clip plane. A ray parallel to the plane is inside or outside as a
- * whole. */
+/* Narrows [*s0, *s1] to the half space of one clip plane. A ray parallel to the plane is entirely inside or outside. */
 V_INLINE void clip_plane(const float plane[4], const vf q[3], const vf d[3], vf *s0, vf *s1) {
   vf at = v_set(plane[3]), rate = v_set(0), big = v_set(1e30f);
   for (int k = 0; k < 3; k++) {

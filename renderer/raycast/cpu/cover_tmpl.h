@@ -1,9 +1,9 @@
 /* Empty-space skipping in dvr: the occupied stretches of a packet's rays (skip/cover.h) as runs of whole steps. */
 
 typedef struct runs {
-  const uint64_t *bits; /* of the packet's cell of pixels: one per slot of depth, set where it is occupied */
+  const uint64_t *bits; /* bits of the packet's cell of pixels, one per slot of depth: set if occupied */
   ptrdiff_t next_word;
-  int words, slot;      /* slot: the next one to read */
+  int words, slot;      /* slot: the next slot to read */
   vf start, steps;      /* steps from a ray's first sample to slot 0; steps per slot */
 } runs;
 
@@ -13,7 +13,7 @@ V_INLINE const uint64_t *cover_bits(const tc_cpu_args *args, const place *at) {
   return args->cover.bits + row + (at->x >> args->cover.shift);
 }
 
-/* Nothing is occupied along any ray of the packet. */
+/* True if nothing is occupied along any ray of the packet. */
 V_INLINE bool all_empty(const tc_cpu_args *args, const place *at) {
   const uint64_t *bits = cover_bits(args, at);
   uint64_t any = 0;
@@ -33,7 +33,7 @@ V_INLINE runs start_runs(const tc_cpu_args *args, variant v, const packet *p, co
                 .steps = v_set((float)args->cover.slot_mm) * steps_per_mm};
 }
 
-/* The first slot from `slot` on whose bit equals `set`; words * 64 if there is none. */
+/* The first slot at or after `slot` whose bit equals `set`; words * 64 if there is none. */
 static inline int find_slot(const runs *r, int slot, bool set) {
   uint64_t seen = ~(uint64_t)0 << (slot & 63);
   for (int w = slot >> 6; w < r->words; w++, seen = ~(uint64_t)0) {
@@ -43,8 +43,8 @@ static inline int find_slot(const runs *r, int slot, bool set) {
   return r->words * 64;
 }
 
-/* The next run of segments [*from, *to), from `least` on, that any live ray needs; false: none is left. The margin
- * of a hundredth of a step is far above single-precision rounding. */
+/* The next run of segments [*from, *to), at or after `least`, that is occupied for any live ray; false: none is left.
+ * The margin of a hundredth of a step is far above single-precision rounding. */
 V_INLINE bool next_run(runs *r, vm live, int least, int *from, int *to) {
   vf far = v_set(1e9f);
   do {

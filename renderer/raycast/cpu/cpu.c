@@ -1,4 +1,5 @@
-/* The cpu back end: picks the instruction set, cuts the picture into tiles for the worker pool, resolves them. */
+/* The cpu back end: chooses the instruction set, divides the picture into tiles for the worker pool, and resolves
+ * them. */
 #include <pthread.h>
 #include <stdatomic.h>
 #include <stdio.h>
@@ -10,8 +11,8 @@
 #include "renderer/raycast/cpu/isa.h"
 #include "renderer/raycast/cpu/within.h"
 
-#define TILE 32    /* side of a unit of work in pixels, unless it would take longer than UNIT_MS */
-#define SMALLEST 4 /* a packet */
+#define TILE 32    /* side of a unit of work in pixels; smaller if the unit would take longer than UNIT_MS */
+#define SMALLEST 4 /* side of a packet */
 #define UNIT_MS 5
 
 typedef struct cpu_backend {
@@ -21,7 +22,7 @@ typedef struct cpu_backend {
   char device[80];
 } cpu_backend;
 
-/* One frame as its tiles see it. */
+/* State of one frame, shared by its tiles. */
 typedef struct cpu_frame {
   const tc_frame_job *job;
   tc_cpu_within cast;
@@ -30,7 +31,7 @@ typedef struct cpu_frame {
   tc_progress *progress;
   int units_x;
   bool resumed;     /* an earlier call began the frame */
-  atomic_int drawn; /* units begun by this call */
+  atomic_int drawn; /* units started by this call */
   pthread_mutex_t lock; /* guards progress->partials */
   struct { tc_cpu_counts counts; char pad[32]; } *workers; /* a cache line each */
 } cpu_frame;
@@ -187,7 +188,7 @@ static bool fill_cover(cpu_backend *b, const tc_frame_job *job, tc_cpu_args *a, 
   return true;
 }
 
-/* Restores the pixels of an interrupted unit and where to resume it. */
+/* Restores the pixels and the position of an interrupted unit. */
 static void take_partial(cpu_frame *f, int unit, float *out, ptrdiff_t stride, tc_cpu_counts *counts) {
   int side = f->progress->side;
   pthread_mutex_lock(&f->lock);
@@ -203,7 +204,7 @@ static void take_partial(cpu_frame *f, int unit, float *out, ptrdiff_t stride, t
   free(partial);
 }
 
-/* Saves an interrupted unit. Without memory for it, the unit will be drawn from the start. */
+/* Saves an interrupted unit. If out of memory, the unit will be drawn from the start. */
 static void keep_partial(cpu_frame *f, int unit, const float *out, ptrdiff_t stride, const tc_cpu_counts *counts) {
   int side = f->progress->side;
   tc_partial *partial = malloc(sizeof *partial + 16 * (size_t)side * (size_t)side);

@@ -1,8 +1,8 @@
 /* The tricubic B-spline filter. One function per voxel type, called and not inlined, because few pictures use it.
  *
- * Along one axis, with f in 0..1 between taps 1 and 2, taps 0 to 3 weigh (1-f)^3/6, 2/3 - f^2 (1 - f/2), 2/3 -
- * (1-f)^2 (1+f)/2 and f^3/6. They are summed as two lerps of neighbours and a lerp of the results, which is exact
- * for equal taps and never leaves their range. Taps beyond a face repeat the face's voxel. */
+ * Along one axis, with f in 0..1 between taps 1 and 2, the weights of taps 0 to 3 are (1-f)^3/6, 2/3 - f^2 (1 - f/2),
+ * 2/3 - (1-f)^2 (1+f)/2 and f^3/6. The sum is computed as two lerps of neighbours and a lerp of the results, which is
+ * exact for equal taps and stays within their range. Taps beyond a face repeat the face's voxel. */
 
 /* The four voxels along an axis around a position. */
 typedef struct taps {

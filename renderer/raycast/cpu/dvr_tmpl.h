@@ -2,10 +2,10 @@
  *
  * The rays march in lockstep: sample i of every ray is at entry + i * step * dir, computed and not accumulated, so
  * that no ray depends on its neighbours. Segment i lies between samples i and i + 1 and is classified by the field
- * at both (NUMERICS section 3). The last segment of a ray is shorter, and so is the first one of a ray with a phase
- * (subpixel_tmpl.h): opacity correction scales both. */
+ * at both (NUMERICS section 3). The last segment of a ray, and the first segment of a ray with a phase
+ * (subpixel_tmpl.h), are shorter: opacity correction scales them. */
 
-/* Shades a segment of colour c, by its cells' gradients or by the gradient in its middle. */
+/* Shades a segment of colour c, by the cell gradients at its ends or by the gradient at its middle. */
 V_INLINE vf4 shade_segment(const tc_cpu_args *args, variant v, const packet *p, const lighting *l, const ray_segment *s,
                            vm visible, vf4 c) {
   vf middle[3];
@@ -31,7 +31,7 @@ V_INLINE void shift_slopes(vf slopes[3][3]) {
   for (int k = 0; k < 3; k++) slopes[0][k] = slopes[1][k], slopes[1][k] = slopes[2][k];
 }
 
-/* One packet from its rays' entries to their ends. Long, because all of its variables are the state of one loop. */
+/* Casts one packet from the rays' entries to their ends. Long, because all variables are the state of one loop. */
 V_INLINE void cast_packet(const tc_cpu_args *args, variant v, const place *at, vf4 *out, tc_cpu_counts *counts) {
   packet p = start_packet(args, v, at);
   counts->rays += (uint64_t)m_count(p.live);
@@ -43,7 +43,7 @@ V_INLINE void cast_packet(const tc_cpu_args *args, variant v, const place *at, v
   vf clear = v_set(1), front = v_set(0), back = v_set(0);
   vf4 sum = {v_set(0), v_set(0), v_set(0), v_set(0)};
   vm live = p.live;
-  bool fresh = true, ahead = false; /* fresh: front is to be sampled; ahead: back was sampled by the iteration before */
+  bool fresh = true, ahead = false; /* fresh: front must be sampled; ahead: the previous iteration sampled back */
   runs r;
   int run_end = 0; /* first step behind the occupied run */
   lighting light;
@@ -68,7 +68,7 @@ V_INLINE void cast_packet(const tc_cpu_args *args, variant v, const place *at, v
         t0 = sample_mm(args, v, &p, i), t1 = sample_mm(args, v, &p, i + 1);
         live = m_and(live, v_lt(t0, p.length));
         counts->leaps++;
-        counts->until_poll -= POLL_STRIDE; /* jumps may miss every multiple of POLL_STRIDE */
+        counts->until_poll -= POLL_STRIDE; /* leaps may miss every multiple of POLL_STRIDE */
         fresh = true;
         if (!m_any(live)) break;
       }
@@ -81,7 +81,7 @@ V_INLINE void cast_packet(const tc_cpu_args *args, variant v, const place *at, v
     if (!ahead) back = first_node(args, v, &p, v_min(t1, p.length), at_back);
     const vm active = (float)i < p.most_delay ? m_and(live, v_le(v_set(0), t0)) : live;
     counts->samples += (uint64_t)m_count(active);
-    /* The next sample is taken before this segment's look-up, so that the two chains of loads overlap: a third less
+    /* The next sample is fetched before this segment's look-up, so that the two chains of loads overlap: a third less
      * time per sample. */
     vf next = front;
     ahead = !v.leap || i + 1 < run_end;
@@ -102,7 +102,8 @@ V_INLINE void cast_packet(const tc_cpu_args *args, variant v, const place *at, v
     sum.r = v_fma(weight, c.r, sum.r);
     sum.g = v_fma(weight, c.g, sum.g);
     sum.b = v_fma(weight, c.b, sum.b);
-    /* Opacity has a sum of its own: in single precision, thin segments take nothing from a transparency of 1. */
+    /* Opacity is summed separately from transparency: in single precision, thin segments do not change a transparency
+     * of 1. */
     sum.a = v_fma(weight, c.a, sum.a);
     clear = v_fnma(weight, c.a, clear);
     live = m_and(live, v_lt(t1, p.length));

@@ -21,7 +21,7 @@ V_INLINE void fetch_pair(int type, const void *voxels, vi off, vf *a, vf *b) {
 #define V_BIAS_I16 0
 #endif
 
-/* The same, each voxel plus bias_of() its type. */
+/* fetch_pair() with bias_of() the type added to each voxel. */
 V_INLINE void fetch_corner(int type, const void *voxels, vi off, vf *a, vf *b) {
   switch (type) {
   case TC_U8: v_corner_u8(voxels, off, a, b); return;
@@ -42,16 +42,17 @@ V_INLINE float bias_of(int type) {
   }
 }
 
-/* The voxel value (not rescaled) at mm t along the rays by the filters nearest and cubic: filter_tmpl.h. */
+/* The voxel value (not rescaled) at t mm along the rays, with filters nearest and cubic (filter_tmpl.h). */
 V_INLINE vf sample_filtered(const tc_cpu_args *args, variant v, const packet *p, vf t);
 
-/* Positions of a sample: the cell it lies in and where in the cell, each over index coordinates. */
+/* Position of a sample in index coordinates: its cell, and the position within the cell. */
 typedef struct spot {
   vi cell[3];
   vf f[3];
 } spot;
 
-/* The eight voxels around it, pairs along x at (y, z) = (0, 0), (1, 0), (0, 1), (1, 1), each plus bias_of() its type. */
+/* The eight voxels at the cell's corners, pairs along x at (y, z) = (0, 0), (1, 0), (0, 1), (1, 1), with bias_of() the
+ * type added to each. */
 typedef struct corners { vf a[4], b[4]; } corners;
 
 V_INLINE spot spot_at(const tc_cpu_args *args, const packet *p, vf t) {
@@ -105,8 +106,8 @@ NEAR_CORNERS(u16, U16, uint16_t)
 NEAR_CORNERS(i16, I16, int16_t)
 NEAR_CORNERS(f32, F32, float)
 
-/* The neighbourhood that holds the cells from `least` on, as far as it goes: the cells' places in it, as elements.
- * Returns which lanes' cells fit. */
+/* Element numbers of the lanes' cells in the neighbourhood that begins at cell `least`. Returns the lanes whose cells
+ * fit the neighbourhood. */
 V_INLINE vm near_places(int type, const int least[3], const vi cell[3], vi *at) {
   const bool wide = near_width(type) == 8;
   vi rest[3];
@@ -117,7 +118,7 @@ V_INLINE vm near_places(int type, const int least[3], const vi cell[3], vi *at) 
   return wide ? m_and(v_leu(rest[0], v_seti(6)), v_leu(most, two)) : v_leu(v_maxu(rest[0], most), two);
 }
 
-/* The corners at elements `at` of the neighbourhood whose least voxel is `first`. */
+/* The corners at elements `at` of the neighbourhood whose lowest voxel is `first`. */
 V_INLINE corners near_corners(const tc_cpu_args *args, int type, ptrdiff_t first, vi at) {
   const ptrdiff_t row = args->grid.row, slice = args->grid.slice;
   switch (type) {
@@ -130,10 +131,10 @@ V_INLINE corners near_corners(const tc_cpu_args *args, int type, ptrdiff_t first
 }
 #endif
 
-/* gradient, unless NULL, receives the exact derivative of the trilinear field over index coordinates, from the cell's
- * eight corners; meaningless along an axis of one voxel. */
+/* Trilinear interpolation. gradient, unless NULL: the exact derivative over index coordinates, from the cell's eight
+ * corners; meaningless along an axis of one voxel. */
 V_INLINE vf interpolate(int type, const corners *c, const vf f[3], vf *gradient) {
-  /* All relative to the first corner: a constant field is exact, and the bias of the corners cancels. */
+  /* Differences to the first corner: a constant field is exact, and the bias of the corners cancels. */
   vf a00 = c->a[0], d00 = c->b[0] - a00, d10 = c->b[1] - c->a[1], d01 = c->b[2] - c->a[2], d11 = c->b[3] - c->a[3];
   vf s00 = f[0] * d00, s10 = v_fma(f[0], d10, c->a[1] - a00);
   vf s01 = v_fma(f[0], d01, c->a[2] - a00), s11 = v_fma(f[0], d11, c->a[3] - a00);
@@ -147,7 +148,7 @@ V_INLINE vf interpolate(int type, const corners *c, const vf f[3], vf *gradient)
   return (a00 - v_set(bias_of(type))) + v_fma(f[2], s1 - s0, s0);
 }
 
-/* The same by any filter. */
+/* The voxel value (not rescaled) at t mm along the rays, with any filter. */
 V_INLINE vf sample_field(const tc_cpu_args *args, variant v, const packet *p, vf t, vf *gradient) {
   if (v.filter != TC_FILTER_LINEAR && !gradient) return sample_filtered(args, v, p, t);
   const spot s = spot_at(args, p, t);
@@ -165,7 +166,7 @@ V_INLINE vf node_of(const tc_cpu_args *args, vf voxel) {
   return v_min(v_max(node, v_set(0)), v_set(args->nodes.last));
 }
 
-/* The same as a node of the table. */
+/* sample_field() converted to a node of the table. */
 V_INLINE vf sample_node(const tc_cpu_args *args, variant v, const packet *p, vf t, vf *gradient) {
   return node_of(args, sample_field(args, v, p, t, gradient));
 }

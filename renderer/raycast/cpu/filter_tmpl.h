@@ -1,7 +1,7 @@
-/* The field by the filters nearest and cubic. */
+/* The field with filters nearest and cubic. */
 
-/* The voxel nearest to mm t along the rays; of two equally near ones the upper. It is a corner of the cell around
- * that position, so bounds of a cell's corners hold for it. */
+/* The nearest voxel at t mm along the rays; of two equally near ones the upper. It is a corner of the cell around the
+ * position, so bounds on a cell's corners hold for it. */
 V_INLINE vf sample_nearest(const tc_cpu_args *args, variant v, const packet *p, vf t) {
   vi at[3];
   for (int k = 0; k < 3; k++) {

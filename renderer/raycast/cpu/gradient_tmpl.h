@@ -28,9 +28,9 @@ V_INLINE void gather_lines(const tc_cpu_args *args, int type, const taps t[3], c
 }
 
 #ifdef V_NEAR
-/* The same from register neighbourhoods (neighbourhood_tmpl.h): six of them, shifted by one voxel to either
- * side of each axis. False: the cells of the lanes that need a gradient do not fit in one neighbourhood, or are too close to
- * a face of the volume. */
+/* Finds the lines from register neighbourhoods (neighbourhood_tmpl.h) instead of gathers: six of them, shifted by one
+ * voxel to either side along each axis. False: the cells of the lanes that need a gradient do not fit in one
+ * neighbourhood, or are too close to a face of the volume. */
 V_INLINE bool near_lines(const tc_cpu_args *args, int type, const taps t[3], vm needs, lines *l) {
   const ptrdiff_t along[3] = {1, args->grid.row, args->grid.slice};
   const vf half = v_set(0.5f), bias = v_set(bias_of(type)), f = t[0].f;
@@ -69,8 +69,8 @@ V_INLINE bool near_lines(const tc_cpu_args *args, int type, const taps t[3], vm 
 }
 #endif
 
-/* Central differences at the eight voxels around q (one-sided at the volume's faces), trilinearly interpolated: continuous
- * from cell to cell. needs: the lanes whose gradient will be used. */
+/* Central differences at the eight voxels around q (one-sided on the volume's faces), interpolated trilinearly:
+ * continuous across cells. needs: the lanes whose gradient will be used. */
 V_INLINE void central(const tc_cpu_args *args, int type, const vf q[3], vm needs, vf gradient[3]) {
   taps t[3];
   vf scale[3][2];

@@ -1,4 +1,4 @@
-/* The classifications that read 1-D tables: approximate, post, linearized (equations: classify/integrals.h). */
+/* Classifications by 1-D tables: approximate, post, linearized (equations: classify/integrals.h). */
 
 /* A node interval interpolated between its two entries at x in [0, 1]. */
 V_INLINE vf4 interval_at(const tc_cpu_args *args, vi interval, vf x) {
@@ -26,7 +26,7 @@ V_INLINE vf4 mean_between(const tc_cpu_args *args, vf front, vf back) {
                v_fma(wa, a.a, v_fma(wb, b.a, two * s.a)) * inverse};
 }
 
-/* Opacity 1 - exp(-x) of optical depth x >= 0, with a relative error of about 1e-6 however small x is. */
+/* Opacity 1 - exp(-x) of optical depth x >= 0, with a relative error of about 1e-6 also for tiny x. */
 V_INLINE vf opacity_of_depth(vf x) {
   static const float over[] = {1 / 7.0f, 1 / 6.0f, 1 / 5.0f, 1 / 4.0f, 1 / 3.0f, 1 / 2.0f};
   vf thin = v_set(1), least = v_min(x, v_set(0.5f));

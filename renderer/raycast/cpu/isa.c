@@ -6,7 +6,7 @@
 
 #include "renderer/scene/scene.h"
 
-/* Ascending: the last one that runs is of the best instruction set. */
+/* In ascending order: the last one that runs has the best instruction set. */
 static const tc_cpu_isa isas[] = {
     {"scalar", "scalar", tc_kernel_scalar, tc_surface_kernel_scalar, false, 20},
     {"avx2", "avx2", tc_kernel_avx2, tc_surface_kernel_avx2, false, 5},

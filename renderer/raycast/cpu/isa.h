@@ -1,5 +1,5 @@
-/* The variants of the cpu back end's kernels: instruction sets, and within one what its vectors are loaded by. Variants of
- * one instruction set draw the same bits. */
+/* The variants of the cpu back end's kernels: an instruction set, and how voxels are loaded (by gathers or by register
+ * neighbourhoods). Variants of one instruction set draw the same bits. */
 #ifndef TC_CPU_ISA_H
 #define TC_CPU_ISA_H
 
@@ -10,11 +10,12 @@ typedef struct tc_cpu_isa {
   const char *name, *instructions; /* "avx512-gather", "avx512" */
   tc_cpu_kernel (*find)(const tc_plan_key *key), (*find_surface)(const tc_plan_key *key);
   bool near;        /* tc_cpu_args.near */
-  double sample_ns; /* rough time per sample as tc_estimate_samples() counts them */
+  double sample_ns; /* rough time per sample of tc_estimate_samples() */
 } tc_cpu_isa;
 
-/* By its name. NULL: of the best instruction set that this processor has, the variant that a march of a few milliseconds
- * finds faster here: processors differ in what a gather costs by more than ten times. Static. */
+/* Finds a variant by name; TC_ERROR_INVALID for an unknown name or an instruction set that this processor lacks. wanted
+ * NULL: the best instruction set of this processor, in the variant that is faster in a trial of a few milliseconds,
+ * because the cost of a gather differs more than tenfold between processors. Static. */
 const tc_cpu_isa *tc_cpu_isa_choose(const char *wanted, GError **error);
 
 #endif

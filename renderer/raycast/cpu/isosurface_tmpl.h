@@ -1,9 +1,9 @@
 /* Ray-isosurface intersection: the first hit of each ray of a packet (raycast/isosurface.h).
  *
  * Each ray traverses its own cells. The ray parameter t alone determines the cell: the ray crosses the cell wall at w
- * when t = (w - entry) / dir, which is computed for each wall and never accumulated. Empty-space leaps end at a wall's t,
- * too. A ray that leaped is therefore in the same cell as a ray that walked, and the picture does not depend on
- * empty-space skipping in any bit. */
+ * at t = (w - entry) / dir, which is computed for each wall and never accumulated. Leaps over empty space also end at
+ * the t of a wall. A ray that leaped is therefore in the same cell as a ray that walked, and empty-space skipping
+ * changes no bit of the picture. */
 
 #include <math.h>
 
@@ -30,12 +30,12 @@ V_INLINE vf wall_time(const packet *p, int k, vf wall, float never) {
 
 V_INLINE vf goes_up(const packet *p, int k) { return v_select(v_lt(v_set(0), p->dir[k]), v_set(1), v_set(0)); }
 
-/* The rays' cells after all walls up to t. */
+/* The cells that the rays are in at t, with all walls up to t crossed. */
 V_INLINE void find_cells(const tc_cpu_args *args, const packet *p, vf t, vf at[3]) {
   for (int k = 0; k < 3; k++) {
     vf q = v_min(v_max(v_fma(t, p->dir[k], p->entry[k]), v_set(0)), v_set(args->grid.last[k]));
     vf c = v_float(v_trunc(q)), front = goes_up(p, k), step = front + front - v_set(1);
-    /* rounding may put the position on the wrong side of a wall: the wall's t decides */
+    /* rounding may place the position on the wrong side of a wall: the t of the wall decides */
     vm early = v_lt(t, wall_time(p, k, c + v_set(1) - front, -NEVER));
     c = v_select(early, c - step, c);
     vm late = m_andnot(v_le(wall_time(p, k, c + front, NEVER), t), early);
@@ -139,8 +139,8 @@ V_INLINE void find_extrema(const vf d[3], vf *first, vf *second) {
   *second = v_max(r[0], r[1]);
 }
 
-/* The first u at which the field crosses the iso value; side: whether the ray has been inside so far; *hit: the rays of
- * `live` that have such a crossing. */
+/* The first u at which the field crosses the iso value. side: rays that are inside so far; *hit: the rays of `live`
+ * that have such a crossing. */
 V_INLINE vf first_change(const iso_cell *c, vm side, vm live, vm *hit) {
   vf d[3], end[4] = {v_set(0), v_set(1), v_set(1), v_set(1)}, a = v_set(0), b = v_set(0), fa = v_set(0), fb = v_set(0);
   derive(c, d);
@@ -199,7 +199,7 @@ V_INLINE vm leap_ahead(const tc_cpu_args *args, const packet *p, vf at[3], vf *t
   return empty;
 }
 
-/* Distances of the hits from the rays' entries in mm; *hit: which rays have one. */
+/* Distances of the hits from the rays' entries in mm; *hit: rays that hit the surface. */
 V_INLINE vf find_hits(const tc_cpu_args *args, variant v, const packet *p, vm *hit, tc_cpu_counts *counts) {
   iso_cell c;
   vf t = v_set(0), at_hit = v_set(0);
@@ -281,7 +281,7 @@ V_INLINE void surface_gradient(const tc_cpu_args *args, variant v, const packet 
     gradient[k] = v_set(0.25f) * gradient[k] / v_max(side[k][1] - side[k][0], v_set(1e-20f));
 }
 
-/* Depth output: mm from the eye to the hit, infinite without a hit; the least of a pixel's rays. */
+/* Depth output: mm from the eye to the hit, infinite without a hit; the smallest of a pixel's rays. */
 V_INLINE void store_depths(const tc_cpu_args *args, const packet *p, variant v, const place *at, vf t, vm hit) {
   vf i, j, view[3];
   ray_places(v, at, &i, &j);

@@ -20,17 +20,17 @@
 #include "renderer/raycast/isosurface.h"
 #include "renderer/skip/cover.h"
 
-/* renderer/base/halt.h, declared here because a change of that header would recompile all kernels. */
+/* From renderer/base/halt.h; a forward declaration, so that changes of that header do not recompile all kernels. */
 typedef struct tc_halt tc_halt;
 bool tc_halt_within(const tc_halt *halt);
 
 /* Voxels on a grid. */
 typedef struct tc_cpu_grid {
   const void *voxels;
-  int row, slice;   /* voxels from one y, one z to the next */
+  int row, slice;   /* stride in voxels along y and along z */
   float last[3];    /* n - 1: positions are clamped to [0, last] */
   int cell_last[3]; /* max(n - 2, 0): the last cell along an axis */
-  int stride[3];    /* voxels from a cell's corner to the next one; 0 where n = 1 */
+  int stride[3];    /* voxels from a cell's corner to the next one; 0 if n = 1 */
 } tc_cpu_grid;
 
 /* One byte per block: levels (skip/bounds.h) or distances (skip/skip.h). */
@@ -62,11 +62,11 @@ typedef struct tc_cpu_labels {
  * zero. */
 typedef struct tc_cpu_args {
   tc_plan_key key;
-  tc_cpu_grid grid; /* what is sampled */
+  tc_cpu_grid grid; /* the sampled field */
   /* From voxels to nodes: node = (voxel - lo) * scale, clamped to [0, last]. */
   struct { float lo, scale, last; } nodes;
   const float *table; /* row k = 0 of tc_table */
-  float table_stride; /* entries a row; offsets are computed in float, exact below 2^24 */
+  float table_stride; /* entries per row; offsets are computed in float, exact below 2^24 */
   float termination;  /* transparency below which early ray termination ends a ray */
   float zero_below, zero_above; /* nodes: segments below or above contribute nothing (tc_support_zones()) */
   int n_subtables;
@@ -85,7 +85,7 @@ typedef struct tc_cpu_args {
   float *depth; /* [picture's height][width], mm from the eye to the isosurface; NULL unless the frame wants it */
   int width;
   tc_cpu_labels labels;
-  bool near; /* neighbourhoods in registers where they pay (neighbourhood_tmpl.h); else gathers alone */
+  bool near; /* use register neighbourhoods where they are faster (neighbourhood_tmpl.h); false: gathers only */
   const tc_halt *halt; /* or NULL */
   tc_rays_single rays;
 } tc_cpu_args;
@@ -93,12 +93,12 @@ typedef struct tc_cpu_args {
 /* Steps of a packet between two polls of the halt: at most some 2 ms (cubic filter, lit with cubic gradients). */
 #define TC_CPU_POLL_STEPS 512
 
-/* What a worker counts, and how far it has come in a unit of pixels. */
+/* A worker's counters, and its position in a unit of pixels. */
 typedef struct tc_cpu_counts {
   uint64_t samples, rays, gradients, leaps; /* leaps: jumps of whole packets over empty space */
-  int until_poll;  /* steps; TC_CPU_POLL_STEPS to begin with */
-  bool left;       /* the halt interrupted the unit: it is to be resumed at `packet` and `ray` */
-  int packet, ray; /* the packet of pixels to begin at, and the ray of its pixels */
+  int until_poll;  /* steps until the next poll; initially TC_CPU_POLL_STEPS */
+  bool left;       /* the halt interrupted the unit, which resumes at `packet` and `ray` */
+  int packet, ray; /* the packet of pixels to start at, and the ray of its pixels */
 } tc_cpu_counts;
 
 /* Renders pixels [x0, x1) x [y0, y1) to out, [y1-y0][stride][4] floats: premultiplied colour and opacity. Lanes of a
@@ -107,8 +107,8 @@ typedef struct tc_cpu_counts {
 typedef void (*tc_cpu_kernel)(const tc_cpu_args *args, int x0, int y0, int x1, int y1, float *out, ptrdiff_t stride,
                               tc_cpu_counts *counts);
 
-/* The kernel for a plan's key; NULL where there is none. surface: of mode isosurface, in translation units of their
- * own, which compile side by side with the others. */
+/* The kernel for a plan's key; NULL: no such kernel. Kernels of mode isosurface are in separate translation units,
+ * which compile in parallel with the others. */
 tc_cpu_kernel tc_kernel_scalar(const tc_plan_key *key);
 tc_cpu_kernel tc_kernel_avx2(const tc_plan_key *key);
 tc_cpu_kernel tc_kernel_avx512(const tc_plan_key *key);

@@ -1,5 +1,5 @@
-/* The ray caster over the vector vocabulary: included by kernels_*.c after a simd_*.h. simd.h says why the pieces
- * stand in this order. */
+/* The ray caster over the vector vocabulary: included by kernels_*.c after a simd_*.h. simd.h explains the order of the
+ * pieces. */
 #include "renderer/raycast/cpu/packet_tmpl.h"
 
 #include "renderer/raycast/cpu/marches_tmpl.h"
@@ -48,13 +48,13 @@ V_INLINE vf4 cast_rays(const tc_cpu_args *args, variant v, const place *at, skip
   ROW(slab_minip_##name, .type = voxels, .mode = TC_MODE_MPR, .slab = 1 + TC_SLAB_MINIP)                              \
   ROW(slab_average_##name, .type = voxels, .mode = TC_MODE_MPR, .slab = 1 + TC_SLAB_AVERAGE)
 
-/* Back to front, other filters and other classifications of all voxel types: one kernel, because compiling kernels
- * takes long. */
+/* Back to front, other filters and other classifications of all voxel types share one kernel, because kernels are slow
+ * to compile. */
 #define REST(ROW)                                                                                                     \
   ROW(rest, .mode = BY_KEY, .type = BY_KEY, .filter = BY_KEY, .slab = BY_KEY, .classification = BY_KEY,               \
       .back_to_front = BY_KEY, OPTIONS)
 
-#ifdef TC_ONE_KERNEL /* builds with checks: the rest is all of the text, and compiles fast */
+#ifdef TC_ONE_KERNEL /* sanitizer builds: this one kernel contains all of the code, and compiles fast */
 #define ROWS(ROW) REST(ROW)
 #else
 #define ROWS(ROW)                                                                                                     \

@@ -21,8 +21,8 @@ V_INLINE label_mix find_label(const tc_cpu_labels *l, vf voxel) {
   return m;
 }
 
-/* The label cell at mm t along the rays and the position f within it; returns the weight of the grid, which falls to
- * 0 outside. */
+/* The label cell at t mm along the rays, and the position f within the cell; returns the weight of the grid, which
+ * falls to 0 outside. */
 V_INLINE vf find_label_cell(const tc_cpu_labels *l, const packet *p, vf t, vi cell[3], vf f[3]) {
   vf q[3], inside = v_set(1);
   for (int k = 0; k < 3; k++) q[k] = v_fma(t, p->dir[k], p->entry[k]);
@@ -55,7 +55,7 @@ static __attribute__((noinline)) label_mix labels_at(const tc_cpu_args *args, co
   least = most = corner[0];
   for (int i = 1; i < 8; i++) least = v_min(least, corner[i]), most = v_max(most, corner[i]);
   label_mix m = find_label(l, corner[0]);
-  if (m_any(v_lt(least, most))) { /* eight equal labels need no interpolation, and give the same bits */
+  if (m_any(v_lt(least, most))) { /* eight equal labels need no interpolation, which would give the same bits */
     label_mix x[4];
     for (int i = 0; i < 4; i++) {
       label_mix first = i ? find_label(l, corner[2 * i]) : m;
@@ -73,12 +73,12 @@ static __attribute__((noinline)) label_mix labels_at(const tc_cpu_args *args, co
   return m;
 }
 
-/* Where at mm t the field has a value: away from the volume's gaps. */
+/* The lanes whose position at t mm has a value, outside the volume's gaps. */
 V_INLINE vm has_value(const tc_cpu_args *args, const packet *p, vf t) {
   return v_le(v_set(0.5f), labels_at(args, p, t).visible);
 }
 
-/* Tints the segment around mm t, and scales its extinction by the visibility there. */
+/* Tints the segment around t mm, and scales its extinction by the visibility there. */
 V_INLINE vf4 label_segment(const tc_cpu_args *args, const packet *p, vf t, vf4 c) {
   label_mix m = labels_at(args, p, t);
   vf share = c.a / v_max(m.visible, v_set(1e-6f)),
@@ -88,7 +88,7 @@ V_INLINE vf4 label_segment(const tc_cpu_args *args, const packet *p, vf t, vf4 c
   return shorten(c, m.visible, v_lt(m.visible, v_set(1)));
 }
 
-/* The labels' tint over a slice's grey, on the slice plane or at the ray's nearest point to it. */
+/* The labels' tint over a slice's grey, on the slice plane or at the point of the ray nearest to the plane. */
 V_INLINE vf4 label_slice(const tc_cpu_args *args, const packet *p, vf4 c) {
   label_mix m = labels_at(args, p, v_min(v_max(v_set(0) - p->start, v_set(0)), p->length));
   vf *channels[3] = {&c.r, &c.g, &c.b};

@@ -3,8 +3,8 @@
 
 /* The slab's value; front: the sample at the rays' entries. Samples lie on the plane, at whole steps from the plane and at
  * both ends of the slab, so that a slab around a voxel includes the voxel's peak. A ray that has reached its end samples the
- * end again, which changes nothing and saves a mask. Samples in gaps are left out of maximum and minimum, intervals whose
- * middle is in a gap out of the mean; *met: rays with at least one sample left. */
+ * end again, which changes nothing and saves a mask. Maximum and minimum ignore samples in gaps, the mean ignores
+ * intervals whose middle is in a gap; *met: rays with at least one sample or interval. */
 V_INLINE vf cast_slab(const tc_cpu_args *args, variant v, int slab, const packet *p, vf front, vm *met,
                       tc_cpu_counts *counts) {
   const bool gaps = v.labels == TC_PLAN_GAPS;

@@ -1,16 +1,16 @@
-/* The samples of a march. Voxels that it will need are prefetched; and where a packet's samples lie close together, all
- * of their cells' corners are found in one neighbourhood of 4x4x4 voxels (8x4x4 bytes) in registers instead of by
- * gathers, for instruction sets that have neighbourhoods (V_NEAR, simd.h). Either way the voxels are the same, and so
- * are the bits.
+/* The samples of a march, with prefetching. If a packet's samples lie close together, the corners of all their cells
+ * are taken from one neighbourhood of 4x4x4 voxels (8x4x4 bytes) in registers instead of by gathers, for instruction
+ * sets that have neighbourhoods (V_NEAR, simd.h). Both ways give the same bits.
  *
- * Rays of a packet enter a slanted face at different depths, which would spread their samples along the rays. So each
- * lane waits whole steps until the others are level with it; its samples remain where they were. */
+ * The rays of a packet enter a slanted face at different depths, which would spread the samples of one step along the
+ * rays. Therefore lanes that enter further from the eye wait whole steps, so that all lanes sample at similar depths;
+ * the positions of a ray's samples do not change. */
 
 #define PREFETCH_STEPS 8
-#define MOST_NEIGHBOURHOODS 1.35f /* that a step may need in the mean, by a packet's extents, for gathers to be slower */
+#define MOST_NEIGHBOURHOODS 1.35f /* largest mean number of neighbourhoods per step for which gathers are slower */
 
 typedef struct march {
-  ptrdiff_t ahead; /* voxels, to where the rays will be PREFETCH_STEPS on */
+  ptrdiff_t ahead; /* offset in voxels to the position of the rays PREFETCH_STEPS later */
   bool near;       /* most steps fit a neighbourhood */
   float lo[3], rise[3]; /* at step i, lo + i rise bounds the lanes' positions from below, along each axis */
 } march;
@@ -18,7 +18,7 @@ typedef struct march {
 #ifdef V_NEAR
 V_INLINE float v_most(vf a) { return 0 - v_least(v_set(0) - a); }
 
-/* Sets p->delay: whole steps until the lanes are level, or 0 where that would make the packet's march much longer. */
+/* Sets p->delay: the whole steps that level the lanes, or 0 if that would make the packet's march much longer. */
 V_INLINE void level_lanes(const tc_cpu_args *args, packet *p) {
   vf none = v_set(0), inverse = v_set(args->rays.inverse_step), steps = p->length * inverse;
   vf behind = p->start - v_set(v_least(v_select(p->live, p->start, v_set(1e30f))));
@@ -28,8 +28,9 @@ V_INLINE void level_lanes(const tc_cpu_args *args, packet *p) {
   p->most_delay = v_most(delay);
 }
 
-/* A lane's position is linear in the step, so the least of all lanes is concave, and lies above the chord from the
- * packet's first step to its last. Returns how many neighbourhoods a step will need. */
+/* Bounds the lanes' positions from below (m->lo, m->rise). Each lane's position is linear in the step, so the minimum
+ * over the lanes is concave and lies above the chord from the packet's first step to its last. Returns the expected
+ * number of neighbourhoods per step. */
 V_INLINE float bound_lanes(const tc_cpu_args *args, variant v, const packet *p, march *m) {
   vf far = v_set(1e9f);
   float steps = 1 + v_most(v_fma(p->length, v_set(args->rays.inverse_step), p->delay)), parts = 1;
@@ -51,7 +52,7 @@ V_INLINE float bound_lanes(const tc_cpu_args *args, variant v, const packet *p, 
 }
 #endif
 
-/* Voxels to where the rays will be some steps on. */
+/* Offset in voxels between a ray's position and its position `steps` later. */
 V_INLINE ptrdiff_t steps_ahead(const tc_cpu_args *args, const packet *p, int steps) {
   float step[3], first[V_LANES];
 #pragma GCC unroll 3
@@ -62,7 +63,7 @@ V_INLINE ptrdiff_t steps_ahead(const tc_cpu_args *args, const packet *p, int ste
   return (ptrdiff_t)(int)step[0] + (ptrdiff_t)(int)step[1] * args->grid.row + (ptrdiff_t)(int)step[2] * args->grid.slice;
 }
 
-/* may_level: lanes may wait, so that sample i of the packet is not the i-th of all its rays. */
+/* Prepares a march. may_level: lanes may wait, so that step i of the packet is not sample i of every ray. */
 V_INLINE march start_march(const tc_cpu_args *args, variant v, packet *p, bool may_level) {
   march m = {.near = false};
   if (v.filter != TC_FILTER_LINEAR || !m_any(p->live)) return m;
@@ -101,7 +102,7 @@ V_INLINE void prefetch_rows(const tc_cpu_args *args, int type, ptrdiff_t first) 
   for (int k = 0; k < 16; k++) __builtin_prefetch(p + ((k >> 2) * slice + (k & 3) * row) * voxel_bytes(type));
 }
 
-/* The corners of the lanes' cells at step i. Lanes whose sample will not be used need not fit the neighbourhood. */
+/* The corners of the lanes' cells at step i. needs: lanes whose sample will be used; the others need not fit. */
 V_INLINE corners march_near(const tc_cpu_args *args, int type, const march *m, int i, const vi cell[3], vm needs) {
   const ptrdiff_t along[3] = {1, args->grid.row, args->grid.slice};
   ptrdiff_t first = 0;
@@ -121,7 +122,7 @@ V_INLINE corners march_near(const tc_cpu_args *args, int type, const march *m, i
 }
 #endif
 
-/* The voxel at mm t along the rays, sample i of lanes in step. needs: the lanes whose sample will be used. */
+/* The voxel value at t mm along the rays, at step i of the march. needs: the lanes whose sample will be used. */
 V_INLINE vf march_voxel(const tc_cpu_args *args, variant v, const packet *p, const march *m, int i, vf t, vm needs,
                         vf *gradient) {
   if (v.filter != TC_FILTER_LINEAR) return sample_field(args, v, p, t, gradient);
@@ -140,13 +141,13 @@ V_INLINE vf march_voxel(const tc_cpu_args *args, variant v, const packet *p, con
   return interpolate(v.type, &c, s.f, gradient);
 }
 
-/* The same as a node of the table. */
+/* march_voxel() converted to a node of the table. */
 V_INLINE vf march_node(const tc_cpu_args *args, variant v, const packet *p, const march *m, int i, vf t, vm needs,
                        vf *gradient) {
   return node_of(args, march_voxel(args, v, p, m, i, t, needs, gradient));
 }
 
-/* The same where a run of samples begins: too seldom for code of its own. */
+/* The first sample of a run: too rare for a specialised version. */
 V_INLINE vf first_node(const tc_cpu_args *args, variant v, const packet *p, vf t, vf *gradient) {
   if (v.filter != TC_FILTER_LINEAR) return sample_node(args, v, p, t, gradient);
   const spot s = spot_at(args, p, t);

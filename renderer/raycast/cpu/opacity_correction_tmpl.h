@@ -1,7 +1,7 @@
 /* Opacity correction: the colour and opacity of a part of a segment from those of the whole. */
 
-/* The same medium over `share` (0..1) of the segment has transparency t^share, and colour in
- * proportion to the opacity. which: the rays it applies to. */
+/* The same medium over `share` (0..1) of the segment has transparency t^share, and colour in proportion to its opacity.
+ * which: the rays to correct. */
 V_INLINE vf4 shorten(vf4 c, vf share, vm which) {
   vf clear = v_max(v_set(1) - c.a, v_set(1e-30f));
   vf alpha = v_set(1) - exp2_approx(share * log2_approx(clear));
@@ -13,7 +13,7 @@ V_INLINE vf4 shorten(vf4 c, vf share, vm which) {
 /* In stiff scenes the medium is so dense that a segment's opacity rounds to 1 and no longer tells its optical depth. The
  * depth comes from the table's row of depths (classify/preintegration.h). */
 
-/* How much more light comes from the nearer half of a segment of optical depth x whose colour is linear:
+/* For a segment of optical depth x and linear colour: the excess weight of the nearer end's colour over 1/2,
  * 1/2 - 1/x + 1/(exp(x) - 1). */
 V_INLINE vf front_excess(vf x) {
   vf clear = v_set(1) - opacity_of_depth(x), deep = v_max(x, v_set(0.5f));

@@ -6,8 +6,8 @@
 /* Compiled once per instruction set and called, not inlined into every kernel. */
 #define V_ONCE static __attribute__((noinline))
 
-/* What a kernel does: rows of the table of variants (kernels_tmpl.h), where BY_KEY leaves a member to the plan's
- * key. */
+/* The options of a kernel: rows of the table of variants (kernels_tmpl.h). A member BY_KEY is read from the plan's key
+ * at run time. */
 #define VARIANT_MEMBERS(MEMBER)                                                                                       \
   MEMBER(mode)           /* tc_mode; mip stands for minip too */                                                      \
   MEMBER(type)           /* tc_voxel_type */                                                                          \
@@ -37,18 +37,18 @@ typedef struct packet {
   vf start, length;    /* mm from the anchor to the entry; mm inside the volume, 0 for a ray that misses */
   vf forward;          /* mm of depth per mm of the ray (skip/cover.h) */
   vm live;
-  vf delay;         /* steps that a lane waits before its first sample; the most of them (neighbourhood_tmpl.h) */
-  float most_delay;
-  vf lag; /* mm: samples lie at whole steps from the entry, less this; set in dvr with several rays or jitter */
+  vf delay;         /* steps that a lane waits before its first sample (neighbourhood_tmpl.h) */
+  float most_delay; /* largest delay of a lane */
+  vf lag; /* mm: samples lie at whole steps from the entry minus lag; set in dvr with several rays or jitter */
 } packet;
 
-/* The packet's pixels, V_PACKET_X by V_PACKET_Y from (x, y) as far as (x1, y1), and which of their rays is cast. */
+/* The packet's pixels, V_PACKET_X by V_PACKET_Y from (x, y), limited by (x1, y1), and the number of the ray to cast. */
 typedef struct place {
   int x, y, x1, y1;
   const tc_subpixel_single *ray;
 } place;
 
-/* Where the rays pass through the picture, in pixels. */
+/* The positions of the rays on the picture, in pixels. */
 V_INLINE void ray_places(variant v, const place *at, vf *i, vf *j) {
   *i = v_set((float)at->x + 0.5f) + v_lane_x();
   *j = v_set((float)at->y + 0.5f) + v_lane_y();
@@ -92,23 +92,23 @@ V_INLINE packet start_packet(const tc_cpu_args *args, variant v, const place *at
   return p;
 }
 
-/* Back-off of empty-space skipping, for the packets of a tile. Where little can be skipped, looking costs more than
- * it saves: a packet that gained nothing lets the next ones march without a look, twice as many of them each time.
- * No bit of the picture depends on it. */
+/* Exponential back-off of empty-space skipping, for the packets of a tile. Where little can be skipped, the test costs
+ * more than it saves: after a packet that gained nothing, the next packets march without the test, twice as many each
+ * time. No bit of the picture depends on it. */
 typedef struct skip_backoff {
-  int wait; /* packets still to march without a look */
-  int last; /* how many they were last time */
+  int wait; /* packets still to march without the test */
+  int last; /* number of such packets last time */
 } skip_backoff;
 
 static __attribute__((noinline, cold)) bool poll_halt(const tc_cpu_args *args, tc_cpu_counts *counts) {
   counts->left = counts->left || tc_halt_within(args->halt);
-  counts->until_poll = counts->left ? 1 : TC_CPU_POLL_STEPS; /* an interrupted unit leaves all its marches */
+  counts->until_poll = counts->left ? 1 : TC_CPU_POLL_STEPS; /* once interrupted, every march of the unit ends */
   return counts->left;
 }
 
 #define POLL_STRIDE 16 /* steps are counted 16 at a time: counting each one costs some percent of a frame */
 
-/* Asked before step number `step` of every march: false once no ray is live, or the halt interrupts the unit. */
+/* Called before step number `step` of every march: false once no ray is live, or the halt interrupts the unit. */
 V_INLINE bool keep_marching(const tc_cpu_args *args, vm live, tc_cpu_counts *counts, int step) {
   if (__builtin_expect(step % POLL_STRIDE == 0, 0) && (counts->until_poll -= POLL_STRIDE) <= 0 &&
       poll_halt(args, counts))

@@ -1,12 +1,12 @@
 /* Maximum, minimum and average intensity projection (MIP, MinIP, average) of a packet.
  *
  * Sample i is at entry + i * step * dir, and the ray's end is sampled too. MIP and MinIP are one kernel, a maximum
- * of the signed voxel (raycast/projection.h). A ray that has passed its end samples its end again, which raises no
- * maximum: no lane needs a mask, and no pixel depends on its neighbours. In a volume's gaps (variant.labels) samples do
- * not count. */
+ * of the signed voxel (raycast/projection.h). A ray that has passed its end samples the end again, which raises no
+ * maximum: no lane needs a mask, and no pixel depends on its neighbours. Samples in a volume's gaps (variant.labels)
+ * are ignored. */
 
-#define LEAST_INTERVALS 4  /* a shorter ray has nothing to gain from skipping */
-#define MOST_INTERVALS 128 /* ranked at once */
+#define LEAST_INTERVALS 4  /* shorter rays gain nothing from skipping */
+#define MOST_INTERVALS 128 /* intervals ranked together */
 #define LONGEST_WAIT 31    /* packets */
 
 V_INLINE void update_backoff(skip_backoff *backoff, int skipped, int all) {
@@ -15,7 +15,7 @@ V_INLINE void update_backoff(skip_backoff *backoff, int skipped, int all) {
   backoff->wait = backoff->last;
 }
 
-/* Grey and opacity 1 where the ray met the volume, transparent elsewhere. */
+/* Grey with opacity 1 if the ray met the volume, else transparent. */
 V_INLINE vf4 grey_of(const tc_cpu_args *args, vf w, vm met) {
   vf grey = v_min(v_max(v_fma(w, v_set(args->grey.gain), v_set(args->grey.offset)), v_set(0)), v_set(1));
   grey = v_select(met, grey, v_set(0));
@@ -28,7 +28,7 @@ V_INLINE vf4 grey_of(const tc_cpu_args *args, vf w, vm met) {
   return (vf4){grey, grey, grey, v_select(met, v_set(1), v_set(0))};
 }
 
-/* Levels (skip/bounds.h) of the blocks that the rays are in at mm t. */
+/* Levels (skip/bounds.h) of the blocks at t mm along the rays. */
 V_INLINE vf level_at(const tc_cpu_args *args, const packet *p, vf t) {
   const spot s = spot_at(args, p, t);
   vi block[3];
@@ -43,7 +43,7 @@ V_INLINE vf interval_middle(const tc_cpu_args *args, int i) {
   return v_set(((float)i + 0.5f * (float)(args->interval - 1)) * args->rays.step_mm);
 }
 
-/* A ray's greatest sample, and where it is in mm; of several equal ones the first. */
+/* A ray's greatest sample, and its position in mm; the first of several equal ones. */
 typedef struct peak {
   vf best, at;
   vm met; /* rays that took a sample; with gaps only */
@@ -67,8 +67,8 @@ V_ONCE vf refine_peak(const tc_cpu_args *args, const packet *p, const peak *from
   return best;
 }
 
-/* Samples the rays; finished rays do not change. Of equal maxima the first counts, with and without skipping: blocks
- * that hold an equal of the greatest sample are never skipped (skip/bounds.h). */
+/* Updates the maxima with the samples w; finished rays do not change. The first of equal maxima counts, with and
+ * without skipping, because blocks that contain a sample equal to the maximum are never skipped (skip/bounds.h). */
 V_INLINE void raise_peak(const tc_cpu_args *args, variant v, const packet *p, vf w, vf t, vm which, peak *have) {
   if (v.labels) {
     vm value = m_and(which, has_value(args, p, t));
@@ -81,12 +81,12 @@ V_INLINE void raise_peak(const tc_cpu_args *args, variant v, const packet *p, vf
   have->best = v_max(have->best, w);
 }
 
-/* How far the maxima have risen, in levels. */
+/* The present maxima, in levels. */
 V_INLINE vf risen(const tc_cpu_args *args, const peak *have) {
   return (have->best - v_set(args->grey.floor)) * v_set(args->level_scale);
 }
 
-/* The samples of each chosen ray's interval that begins at sample `from`: those that a march would take. */
+/* Takes the samples of each chosen ray's interval that begins at sample `from`, at the positions of a march. */
 V_INLINE void sample_interval(const tc_cpu_args *args, variant v, const packet *p, const march *m, vf from, vm chosen,
                               peak *have, tc_cpu_counts *counts) {
   for (int j = 0; j < args->interval; j++) {
@@ -99,8 +99,8 @@ V_INLINE void sample_interval(const tc_cpu_args *args, variant v, const packet *
   }
 }
 
-/* Each ray samples its interval of the highest level first, then the next, until no level is above its maximum.
- * `levels` are those of n intervals from sample `first` on, and are used up. Returns the rounds. */
+/* Each ray samples its intervals in order of descending level, until no level is above its maximum. `levels`: of n
+ * intervals from sample `first` on; overwritten. Returns the number of rounds. */
 V_INLINE int climb(const tc_cpu_args *args, variant v, const packet *p, const march *m, int first, vf *levels, int n,
                    vm live, peak *have, tc_cpu_counts *counts) {
   vf last = v_set(-1);
@@ -120,8 +120,8 @@ V_INLINE int climb(const tc_cpu_args *args, variant v, const packet *p, const ma
   }
 }
 
-/* Empty-space skipping: intervals of samples that cannot raise a ray's maximum are left out, and the others are taken
- * best first, because a high maximum leaves out most of the rest. */
+/* Empty-space skipping: skips intervals of samples that cannot raise a ray's maximum, and takes the others in order of
+ * descending level, because a high maximum early rules out most of the rest. */
 V_INLINE void climb_all(const tc_cpu_args *args, variant v, const packet *p, vm live, peak *have, skip_backoff *backoff,
                         tc_cpu_counts *counts) {
   vf levels[MOST_INTERVALS];
@@ -158,7 +158,8 @@ V_INLINE void cast_extreme(const tc_cpu_args *args, variant v, const place *at_p
   float worth_mm = (float)(LEAST_INTERVALS * args->interval) * args->rays.step_mm;
   look = look && m_any(m_and(live, v_lt(v_set(worth_mm), p.length)));
   if (look) climb_all(args, v, &p, live, &have, backoff, counts);
-  if (v.labels && m_any(m_andnot(live, have.met))) look = false; /* what was left out may hold a value after all */
+  if (v.labels && m_any(m_andnot(live, have.met))) look = false; /* a skipped interval may hold the ray's only value
+                                                                    outside gaps */
   if (!look && m_any(live)) {
     const march m = start_march(args, v, &p, true);
     for (int i = 0; keep_marching(args, live, counts, i); i++) {
@@ -175,13 +176,14 @@ V_INLINE void cast_extreme(const tc_cpu_args *args, variant v, const place *at_p
     have.best = v_select(between, refine_peak(args, &p, &have), have.best);
     counts->samples += (uint64_t)m_count(between) * 2 * TC_PEAK_ROUNDS;
   }
-  /* A finished ray may have gone beyond stop while other lanes marched: its grey must not depend on them. */
+  /* A finished ray may have exceeded stop while other lanes marched: clamped, so that its grey does not depend on
+   * them. */
   *out = grey_of(args, v_min(have.best, stop), v.labels ? m_and(p.live, have.met) : p.live);
 }
 
-/* The mean by the trapezoidal rule, whose last interval is shorter. Differences to the first sample are summed, with
- * Kahan's compensation: a constant field is exact, and a million samples lose no more than ten. An interval whose
- * middle is in a gap is left out. */
+/* The mean by the trapezoidal rule with a shorter last interval. Differences to the first sample are summed with
+ * Kahan's compensation: a constant field is exact, and a million samples lose no more precision than ten. Intervals
+ * whose middle is in a gap are ignored. */
 V_INLINE void cast_average(const tc_cpu_args *args, variant v, const place *at_pixels, vf4 *out,
                            tc_cpu_counts *counts) {
   packet p = start_packet(args, v, at_pixels);

@@ -1,11 +1,10 @@
 /* From two samples to the colour and opacity of the segment between them, in every classification. */
 
-/* Second-order pre-integration. The field is taken as the quadratic through front, middle and back (El Hajjar,
- * Marchesin, Dischler and Mongenet, 2008), and replaced by the linear field with the same mean whose ends stay
- * within the range of the three samples. The segment is then an entry of the same pre-integration table, so its
- * opacity and colour keep their bounds, and samples that show nothing give a segment that shows nothing. A correct
- * mean leaves an error of the fourth order per segment and of the third along a ray, where linear pre-integration
- * has the second. */
+/* Second-order pre-integration. The field is approximated by the quadratic through front, middle and back (El Hajjar,
+ * Marchesin, Dischler and Mongenet, 2008), and replaced by the linear field of the same mean whose ends stay within the
+ * range of the three samples. The segment is then an entry of the same pre-integration table, so its opacity and colour
+ * keep their bounds, and invisible samples give an invisible segment. With the correct mean the error is of fourth
+ * order per segment and of third order along a ray; linear pre-integration is of second order along a ray. */
 V_INLINE void linearise(vf *front, vf middle, vf *back) {
   /* Simpson's rule; exact for three equal samples */
   vf mean = v_fma((*front - middle) + (*back - middle), v_set(1 / 6.0f), middle);
@@ -16,7 +15,7 @@ V_INLINE void linearise(vf *front, vf middle, vf *back) {
   *back = mean + half;
 }
 
-/* Linearised segments need not meet. Where the gap between two would skip the inner range of a subtable, a peak could be
+/* Linearised segments need not join. If the gap between two would skip the inner range of a subtable, a peak could be
  * missed: such segments keep their sampled ends. */
 V_INLINE void linearise_subtables(const tc_cpu_args *args, vf *front, vf middle, vf *back) {
   vf near = *front, far = *back;
@@ -33,8 +32,8 @@ V_INLINE void linearise_subtables(const tc_cpu_args *args, vf *front, vf middle,
   *back = v_select(jumps, *back, far);
 }
 
-/* Segment i of a packet's rays: from sample front at t0 mm to back at t1, or at the ray's end where that comes
- * first. Samples are nodes; gradients over index coordinates go with them where cells are shaded, else NULL. */
+/* Segment i of a packet's rays: from sample front at t0 mm to back at t1 mm or the ray's end, whichever comes first.
+ * Samples are nodes; with cell gradients, the samples' gradients over index coordinates, else NULL. */
 typedef struct ray_segment {
   int i;
   vf t0, t1, front, back;
@@ -42,8 +41,8 @@ typedef struct ray_segment {
   const vf *front_gradient, *back_gradient;
 } ray_segment;
 
-/* Classifies a segment, with opacity correction where it is shorter: the last of a ray, and the first of a ray with
- * a phase. */
+/* Classifies a segment, with opacity correction for shorter ones: the last of a ray, and the first of a ray with a
+ * phase. */
 V_INLINE vf4 classify_part(const tc_cpu_args *args, variant v, const packet *p, const ray_segment *s, vf front,
                            vf back) {
   vm ends = m_and(s->live, v_lt(p->length, s->t1));
@@ -76,6 +75,6 @@ V_INLINE vf4 segment(const tc_cpu_args *args, variant v, const packet *p, const 
     counts->samples += (uint64_t)m_count(s->live);
     return classify_part(args, v, p, s, front, back);
   }
-  const ray_segment copy = *s; /* its address leaves: that of *s would keep the whole march in memory */
+  const ray_segment copy = *s; /* the callee takes an address: that of *s would force the whole march into memory */
   return classify_1d(args, v, p, &copy);
 }

@@ -6,7 +6,7 @@ typedef struct lighting {
 
 V_INLINE vf dot(const vf a[3], const vf b[3]) { return v_fma(a[2], b[2], v_fma(a[1], b[1], a[0] * b[0])); }
 
-/* At pixel (i, j), towards which direction0 + i direction_du + j direction_dv (LPS) leads from the eye. */
+/* The light at pixel (i, j). direction0 + i direction_du + j direction_dv: direction of the pixel from the eye, LPS. */
 V_INLINE lighting lighting_at(vf i, vf j, const float direction0[3], const float direction_du[3],
                               const float direction_dv[3], const float light[3]) {
   lighting l;
@@ -17,7 +17,7 @@ V_INLINE lighting lighting_at(vf i, vf j, const float direction0[3], const float
     l.eye[k] = l.eye[k] / norm;
     l.half[k] = l.eye[k] + v_set(light[k]);
   }
-  /* the halfway vector of a light straight behind is 0: no highlight */
+  /* the halfway vector of a light exactly opposite the eye is 0: no highlight */
   norm = v_max(v_sqrt(dot(l.half, l.half)), v_set(1e-20f));
   for (int k = 0; k < 3; k++) l.half[k] = l.half[k] / norm;
   return l;

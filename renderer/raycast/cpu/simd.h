@@ -1,40 +1,41 @@
-/* The contract of the vector vocabulary: what a simd_*.h supplies to the kernel templates. Adding an instruction set
- * is writing one such header that ends with SIMD_PROVIDED, and a kernels_*.c and a surface_*.c that include it.
+/* The contract of the vector vocabulary, the operations that a simd_*.h provides to the kernel templates. To add an
+ * instruction set, write such a header, ending with SIMD_PROVIDED, and a kernels_*.c, an isosurface_*.c and a
+ * within_*.c that include it.
  *
  * Constants: V_LANES; V_PACKET_X * V_PACKET_Y = V_LANES; lane l is pixel (l % V_PACKET_X, l / V_PACKET_X) of a packet.
  *
  * Types: vf (V_LANES floats), vi (V_LANES int32_t), vm (V_LANES booleans), vf4 {vf r, g, b, a}. vf supports + - * / of
  * C, each rounded once to nearest; not the unary minus (write v_set(0) - a). Denormals are kept.
  *
- * The rows below are the lane-wise operations, OP(name, meaning in one lane). simd_scalar.h is made from them,
- * SIMD_PROVIDED checks that another header has all of them with the same types, and tests/unit/simd.c checks, for
- * random and special values, that every lane means the same.
- * - Rounding: to nearest even. Only v_fma and v_fnma differ between instruction sets: once (fused) or twice. Hence
- *   kernels are bit-identical within an instruction set, and equal to the scalar one within a tolerance.
- * - NaN: comparisons with NaN are false. v_min and v_max return b where either is NaN, and where both are zeros.
- *   Kernels rely on it to clamp: v_max(NaN, v_set(0)) is 0.
+ * The rows below are the lane-wise operations, OP(name, definition in one lane). simd_scalar.h is generated from them,
+ * SIMD_PROVIDED checks that another header has all of them with the same types, and tests/unit/simd.c checks every lane
+ * against the definition, for random and special values.
+ * - Rounding: to nearest even. Only v_fma and v_fnma differ between instruction sets: they round once (fused) or twice.
+ *   Hence kernels are bit-identical within an instruction set, and equal to the scalar one within a tolerance.
+ * - NaN: comparisons with NaN are false. v_min and v_max return b if either is NaN or both are zeros. Kernels rely on
+ *   this to clamp: v_max(NaN, v_set(0)) is 0.
  * - Integers wrap round. Shift counts are constants within 0..31.
  *
- * Not lane-wise, or with memory (simd_scalar.h has their meaning as plain C):
+ * Not lane-wise, or with memory access (simd_scalar.h defines them in plain C):
  * - v_set, v_seti: the same in all lanes. v_lane_x, v_lane_y: the lane's pixel in the packet.
- * - v_trunc rounds towards zero; outside int32_t, and of NaN, any number. v_float rounds to nearest. v_bits and
+ * - v_trunc rounds towards zero; unspecified for NaN and outside int32_t. v_float rounds to nearest. v_bits and
  *   v_from_bits copy bits.
- * - m_any: is any lane set; m_count: how many; m_bits: lane l as bit l. v_least: the least lane; any number where one
- *   is NaN.
+ * - m_any: true if any lane is set; m_count: number of set lanes; m_bits: lane l as bit l. v_least: the smallest lane;
+ *   unspecified if one is NaN.
  * - v_store_pixels: a packet's pixels (r, g, b, a), rows of the packet `row` pixels apart.
  * - v_load, v_store: V_LANES floats, unaligned; v_load_bytes: V_LANES bytes, unsigned. v_gather: the float at offset
  *   off.
- * - v_bytes: the byte at offset off. v_pair_T: elements off and off + 1, exactly; off counts elements, 0 and up. Both
- *   may read, but not use, 3 bytes further: volumes and maps have a tail pad.
- * - v_corner_T: the pair, each plus V_BIAS_T, exactly, for an instruction set where that is cheaper; field_tmpl.h
- *   has the default.
- * - v_prefetch: asks for the cache lines of some lanes' elements off, of `size` bytes each; the addresses may be
- *   outside of any memory.
- * - Only where V_NEAR is defined, for an instruction set whose permutations are cheaper than gathers: v_near_T, a
- *   neighbourhood of V_NEAR_T (4 or 8) x 4 x 4 voxels; v_near_load_T: the one whose least voxel is at p, with `row` and
- *   `slice` voxels from one y, one z to the next, reading these voxels alone; v_near_pair_T: its elements at + more and
- *   the next (x + V_NEAR_T (y + 4 z), from 0 to the last but one; any number in a lane where that is outside; more is
- *   even), each plus V_BIAS_T.
+ * - v_bytes: the byte at offset off. v_pair_T: elements off and off + 1, exactly; off counts elements, >= 0. Both may
+ *   read, but not use, 3 bytes beyond: volumes and maps are padded.
+ * - v_corner_T: the pair with V_BIAS_T added to each, exactly, for an instruction set where that is cheaper;
+ *   field_tmpl.h has the default.
+ * - v_prefetch: prefetches the cache lines of some lanes' elements off, of `size` bytes each; the addresses may be
+ *   invalid.
+ * - Only if V_NEAR is defined, for an instruction set whose permutations are cheaper than gathers: v_near_T, a
+ *   neighbourhood of V_NEAR_T (4 or 8) x 4 x 4 voxels; v_near_load_T: loads the neighbourhood whose lowest voxel is at
+ *   p, with strides `row` and `slice` in voxels along y and z, reading these voxels alone; v_near_pair_T: elements at +
+ *   more and at + more + 1 (element x + V_NEAR_T (y + 4 z); from 0 to the last but one, unspecified in a lane outside;
+ *   more is even), with V_BIAS_T added to each.
  * - v_bilinear: reads entries row0, row0 + 1, row1, row1 + 1 (4 floats each) of base, interpolates by fy between rows,
  *   then by fx, each as a + f (b - a) with v_fma: four equal entries give that entry, and fx = fy = 0 gives row0's.
  *

@@ -1,8 +1,9 @@
-/* Rays with a phase, of several per pixel or by jitter: their first segment is shorter (raycast/subpixel.h). */
+/* Rays with a phase, because of several rays per pixel or jitter: their first segment is shorter
+ * (raycast/subpixel.h). */
 
 V_INLINE bool phased(variant v) { return v.jitter || v.several; }
 
-/* (1 - phase) of a step in mm: samples lie at whole steps from the entry, less this. */
+/* (1 - phase) of a step in mm: samples lie at whole steps from the entry minus this lag. */
 V_INLINE vf lag_of(const tc_cpu_args *args, variant v, const place *at) {
   vf phase = v_set(at->ray->phase);
   if (v.jitter) phase = add_jitter(at, phase);

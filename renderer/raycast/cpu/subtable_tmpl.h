@@ -2,8 +2,8 @@
  *
  * A segment is looked up in the finest window that contains both of its ends. If only one end lies in a finer
  * window, near that window's knots, the segment is cut at the window's edge, and the optical depths of the parts
- * give its opacity. The coarser window resolves that end to a node only: whether a peak lies before or behind it
- * would be left to chance. */
+ * give its opacity. The coarser window resolves that end only to a node, so it could not tell whether a peak lies
+ * before or behind the end. */
 
 /* A segment's ends in nodes of a window; the window's entries per row, and the entries before its row k = 0 (0: the
  * table itself). */
@@ -60,8 +60,8 @@ V_INLINE vf depth_in(const tc_cpu_args *args, window w) {
   return v_select(v_lt(v_float(j) - v_float(i), half), within, whole);
 }
 
-/* Cuts off the part inside a subtable from segments that have one end there: returns its depth, weighted by its share of
- * `span` nodes; 0 for other segments, which stay whole. */
+/* Cuts off the part inside a subtable from segments with one end there. Returns the optical depth of that part,
+ * weighted by its share of `span` nodes; 0 for other segments, which stay whole. */
 V_INLINE vf cut_off(const tc_cpu_args *args, const tc_cpu_subtable *subtable, vf span, vf *front, vf *back, vm cut) {
   window w = in_subtable(subtable, *front, *back);
   vm begins = m_and(contains(w.front, 0), cut), ends = m_and(contains(w.back, 0), cut);
@@ -85,8 +85,8 @@ V_ONCE vf depth_between(const tc_cpu_args *args, vf front, vf back, vm cut) {
   return v_select(v_lt(v_set(0), parts), v_fma(rest, depth, parts), depth);
 }
 
-/* A segment that was cut has the opacity of its parts. Its colour is the whole segment's, scaled: between nodes on
- * either side of a peak, the table interpolates between seeing the peak and not, which is mostly the peak's colour. */
+/* A cut segment has the opacity of its parts. Its colour is the whole segment's, scaled: between nodes on either side
+ * of a peak, the table interpolates between entries with and without the peak, which gives mostly the peak's colour. */
 V_INLINE vf4 classify_subtables(const tc_cpu_args *args, vf front, vf back, vm live) {
   vm cut;
   vf4 c = look_up(args, enter_window(args, front, back, &cut));

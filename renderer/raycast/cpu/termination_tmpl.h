@@ -2,8 +2,8 @@
 
 V_INLINE vm not_terminated(const tc_cpu_args *args, vf clear) { return v_le(v_set(args->termination), clear); }
 
-/* A terminated ray is scaled to opacity 1, as if what it did not reach looked like what it passed: the background
- * does not show through, and an opaque region keeps its colour exactly. The error is at most the threshold. */
+/* A terminated ray is scaled to opacity 1, as if the rest of the ray looked like the part before: the background does
+ * not show through, and an opaque region keeps its colour exactly. The error is at most the threshold. */
 V_INLINE vf4 finish_rays(const tc_cpu_args *args, variant v, vf4 sum, vf clear) {
   vm full = v_lt(v_set(1), sum.a);
   if (v.terminate) full = m_or(full, v_lt(clear, v_set(args->termination)));

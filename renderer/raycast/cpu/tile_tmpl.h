@@ -1,7 +1,7 @@
-/* From packets to tiles, and the table of variants: the last piece of a translation unit. Before it stand
- * cast_rays(), which marches one packet, and the macro ROWS(ROW), which lists the variants. */
+/* Tiles of packets, and the table of variants: the last piece of a translation unit. It needs cast_rays(), which
+ * marches one packet, and the macro ROWS(ROW), which lists the variants. */
 
-/* The mean of all rays of each pixel of a packet. Interrupted between two rays, the sum so far. */
+/* The mean of all rays of each pixel of a packet; if interrupted between two rays, the sum so far. */
 V_INLINE vf4 cast_pixels(const tc_cpu_args *args, variant v, const place *first, skip_backoff *backoff,
                          const float *out, ptrdiff_t stride, tc_cpu_counts *counts) {
   place at = *first;
@@ -39,8 +39,8 @@ V_INLINE void cast_tile(const tc_cpu_args *args, variant v, int x0, int y0, int 
     }
 }
 
-/* What a plan's key asks for. Shading models differ in numbers (raycast/shading.h), MIP and MinIP in a sign
- * (raycast/projection.h). */
+/* The variant for a plan's key. Shading models differ only in parameters (raycast/shading.h), MIP and MinIP only in a
+ * sign (raycast/projection.h). */
 V_INLINE variant wanted_variant(const tc_plan_key *key) {
   return (variant){.mode = key->mode == TC_MODE_MINIP ? TC_MODE_MIP : key->mode,
                    .type = key->voxel_type,
@@ -58,8 +58,8 @@ V_INLINE variant wanted_variant(const tc_plan_key *key) {
                    .subtables = key->subtables};
 }
 
-/* A row's members that say BY_KEY are read from the key at run time; the others are constants, and what they exclude
- * is not compiled. */
+/* Members of a row that are BY_KEY are read from the key at run time; the others are constants, and code that they
+ * exclude is not compiled. */
 V_INLINE variant specialise(variant row, const tc_plan_key *key) {
   const variant wanted = wanted_variant(key);
 #define MEMBER(name) if (row.name == BY_KEY) row.name = wanted.name;

@@ -1,18 +1,18 @@
-/* Rays that are cast in parts, for what else is in the volume (mode mesh's surfaces): kernels of their own, which ask the
- * plan's key what to do, so that whole rays pay nothing for them. Private to raycast/cpu. */
+/* Rays cast in parts, between the surfaces in a volume (frame/mesh_within.c). Separate kernels, not specialised but
+ * controlled by the plan's key at run time, so that whole rays pay nothing for them. Private to raycast/cpu. */
 #ifndef TC_RAYCAST_CPU_WITHIN_H
 #define TC_RAYCAST_CPU_WITHIN_H
 
 #include "renderer/raycast/cpu/kernels.h"
 
-/* What such a kernel is called with, by its first member. */
+/* Arguments of such a kernel, which is called with a pointer to the first member. */
 typedef struct tc_cpu_within {
   tc_cpu_args args;
-  const float (*spans)[2]; /* [height][width]: mm from the eye, where each ray begins and ends */
+  const float (*spans)[2]; /* [height][width]: start and end of each ray, mm from the eye */
   int width, height;
 } tc_cpu_within;
 
-/* For an instruction set that is named and modes dvr and mip; NULL: there is none. */
+/* The kernel for an instruction set by name, in modes dvr and mip; NULL: no such kernel. */
 tc_cpu_kernel tc_within_kernel(const char *isa, const tc_plan_key *key);
 tc_cpu_kernel tc_within_kernel_scalar(const tc_plan_key *key);
 tc_cpu_kernel tc_within_kernel_avx2(const tc_plan_key *key);

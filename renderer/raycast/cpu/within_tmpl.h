@@ -1,5 +1,5 @@
-/* The ray caster (kernels_tmpl.h) for rays that are cast in parts: the same pieces, but that a packet's rays begin and end
- * where within.h says. */
+/* The ray caster (kernels_tmpl.h) for rays cast in parts: the same pieces, but a packet's rays start and end at the
+ * spans of within.h. */
 #define start_packet start_whole_packet
 #include "renderer/raycast/cpu/packet_tmpl.h"
 #undef start_packet
