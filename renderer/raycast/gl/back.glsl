@@ -15,8 +15,8 @@ int last_sample(float length_mm) {
   return i;
 }
 
-// The over operator as sum + (segment - opacity * sum): thin segments of a long ray lose no more to rounding than front
-// to back.
+// The over operator as sum + (segment - opacity * sum): thin segments of a long ray lose no more to rounding than in
+// front-to-back order.
 vec4 composite_over(vec4 segment, vec4 sum) {
   precise vec4 both = sum + fma(vec4(-segment.a), sum, segment);
   return both;
@@ -33,8 +33,8 @@ vec4 march(vec3 anchor, vec3 direction, vec2 span, inout Counts counts) {
   bool is_part = length_mm < sample_mm(i + 1) || PHASE == 1 && i == 0;
   vec4 sum = composite_over(segment_between(entry, direction, front, back, is_part, counts), vec4(0.0));
 #if LEAP
-  bool fresh = false; // after a jump there is no segment behind the next sample
-  int next_look = i;    // first step, downwards, at which the distance map is worth a look
+  bool fresh = false; // after a leap there is no segment behind the next sample
+  int next_look = i;    // the next step, downwards, at which to read the distance map
 #endif
   while (--i >= first) {
     back = front;

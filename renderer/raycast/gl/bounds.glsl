@@ -1,7 +1,7 @@
 // Empty-space skipping for MIP and MinIP (skip/bounds.h): one level per block, an upper bound of the field around it.
 layout(binding = 2) uniform usamplerBuffer levels;
 
-// The level of the interval of samples that begins at i: that of the block in the interval's middle.
+// The level of the interval of samples that begins at i: the level of the block at the interval's middle.
 float level_of(vec3 entry, vec3 direction, int i) {
   float t = (float(i) + 0.5 * float(job.blocks.w - 1)) * job.rays.step_mm;
   vec3 p = clamp(fma(vec3(t), direction, entry), vec3(0.0), vec3(job.dims.xyz - 1));

@@ -1,4 +1,4 @@
-// Narrows a ray's span to the inside of all clip planes. A ray parallel to a plane is inside or outside as a whole.
+// Narrows a ray's span to the inside of all clip planes. A ray parallel to a plane is entirely inside or outside.
 vec2 clip_to_planes(vec3 anchor, vec3 direction, vec2 span) {
   for (int i = 0; i < job.rays.n_planes; i++) {
     float at = fma(job.rays.planes[i].z, anchor.z, fma(job.rays.planes[i].y, anchor.y, fma(job.rays.planes[i].x, anchor.x, job.rays.planes[i].w)));

@@ -1,11 +1,11 @@
-// Several rays per pixel share empty-space skipping. The pixel's centre ray finds how far everything within the
-// footprint (rays.h) around it is empty; all rays of the pixel skip that stretch.
+// Several rays per pixel share empty-space skipping. The pixel's centre ray finds the stretch in which everything
+// within the footprint (rays.h) around it is empty; all rays of the pixel skip that stretch.
 vec2 clear_span;   // mm from the anchor: entry of the centre ray, and end of its empty stretch; y < x if there is none
-float clear_margin; // voxels by which the empty cube around that entry exceeds the footprint on all sides
+float clear_margin; // voxels by which the empty cube around the entry exceeds the footprint on all sides
 float skip_mm;     // mm that the current ray may skip after its entry
 
-// Walks through the empty cubes of the distance map, each shrunk by the footprint, until a step gains less than a
-// segment. The margin of a hundredth of a voxel is far above the rounding of positions.
+// Traverses the empty cubes of the distance map, each shrunk by the footprint, until a leap gains less than a segment.
+// The margin of a hundredth of a voxel is far above the rounding of positions.
 void find_clear_span(vec3 anchor, vec3 direction, vec2 span) {
   vec3 entry = fma(vec3(span.x), direction, anchor);
   float size = float(job.blocks.x), margin = job.rays.footprint + 0.01, t = 0.0, gain = 1e9;
@@ -34,8 +34,8 @@ void find_clear_span(vec3 anchor, vec3 direction, vec2 span) {
   }
 }
 
-// How far a ray of the pixel may skip after its entry. If it enters before the centre ray, the cube around the centre
-// ray's entry must contain that difference too.
+// Distance that a ray of the pixel may skip after its entry. If it enters before the centre ray, the cube around the
+// centre ray's entry must contain that difference too.
 float skip_of(vec3 direction, vec2 span) {
   vec3 speed = abs(direction);
   bool known = clear_span.x <= clear_span.y && (clear_span.x - span.x) * max(speed.x, max(speed.y, speed.z)) <= clear_margin;

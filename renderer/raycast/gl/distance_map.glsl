@@ -1,10 +1,10 @@
-// Empty-space skipping by the distance map (skip/skip.h): per block, the Chebyshev distance to the nearest occupied
-// one.
+// Empty-space skipping by the distance map (skip/distance_map.h): for each block, the Chebyshev distance to the nearest
+// occupied block.
 layout(binding = 2) uniform usamplerBuffer distances;
 
-// steps: how many whole steps a ray at index position p stays in the cube of blocks that the distance map describes.
-// True: the cube is empty and may be skipped. False: the block is occupied, and another look is useless for that many
-// steps. The margin of a hundredth of a voxel is far above the rounding of positions.
+// steps: number of whole steps that a ray at index position p stays in the cube of blocks that the distance map
+// describes. True: the cube is empty and may be skipped. False: the block is occupied, and the map need not be read
+// again for that many steps. The margin of a hundredth of a voxel is far above the rounding of positions.
 bool is_empty_cube(vec3 p, vec3 direction, out int steps) {
   p = clamp(p, vec3(0.0), vec3(job.dims.xyz - 1));
   float size = float(job.blocks.x);

@@ -13,8 +13,8 @@ vec4 march(vec3 anchor, vec3 direction, vec2 span, inout Counts counts) {
 #endif
   Sample front = sample_at(entry, direction, sample_mm(first), counts);
 #if LEAP
-  bool fresh = false; // after a jump there is no segment in front of the next sample
-  int next_look = 0;    // first step at which the distance map is worth a look
+  bool fresh = false; // after a leap there is no segment in front of the next sample
+  int next_look = 0;    // the next step at which to read the distance map
 #endif
   for (int i = first + 1;; i++) {
     float t = sample_mm(i);
@@ -48,7 +48,7 @@ vec4 march(vec3 anchor, vec3 direction, vec2 span, inout Counts counts) {
 #endif
   }
 #if LEAP
-  if (fresh) // the jump left the volume
+  if (fresh) // the leap left the volume
     return finish(sum, clear);
 #endif
   // The last segment is shorter. It is classified after the loop, because software rasterisers execute both sides of a branch.

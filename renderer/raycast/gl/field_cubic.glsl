@@ -1,6 +1,6 @@
-// Tricubic B-spline: a weighted mean of 4x4x4 voxels, grouped so that eight trilinear interpolations fetch them (Sigg
-// and Hadwiger, Fast third-order texture filtering, GPU Gems 2, 2005). All weights are positive, so values stay in the
-// range of the voxels. Voxels outside repeat those of the nearest face.
+// Tricubic B-spline: a weighted mean of 4x4x4 voxels, grouped into eight trilinear interpolations (Sigg and Hadwiger,
+// Fast third-order texture filtering, GPU Gems 2, 2005). All weights are positive, so values stay in the range of the
+// voxels. Voxels beyond a face repeat the face's voxel.
 float field(vec3 p) {
   p = clamp(p, vec3(0.0), vec3(job.dims.xyz - 1));
   ivec3 last = max(job.dims.xyz - 2, 0);

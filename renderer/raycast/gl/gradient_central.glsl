@@ -1,4 +1,4 @@
-// Central differences at the voxels around an index position (one-sided in a face), trilinearly interpolated.
+// Central differences at the voxels around an index position (one-sided on a face), interpolated trilinearly.
 vec3 rise_at(ivec3 at) {
   ivec3 low = max(at - 1, 0);
   ivec3 high = min(at + 1, job.dims.xyz - 1);

@@ -1,5 +1,5 @@
-// The derivative of the tricubic B-spline of the voxels, from differences to one of them, so that a large common value
-// costs no digits.
+// The derivative of the tricubic B-spline of the voxels, computed from differences to one voxel, so that a large common
+// value costs no precision.
 vec3 gradient_at(vec3 p) {
   p = clamp(p, vec3(0.0), vec3(job.dims.xyz - 1));
   ivec3 cell = min(ivec3(p), max(job.dims.xyz - 2, 0));

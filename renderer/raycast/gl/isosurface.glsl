@@ -1,7 +1,7 @@
-// Isosurfaces: the first hit (isosurface.h). A ray walks from cell to cell; each cell wall has its own t, computed and not
+// Isosurfaces: the first hit (isosurface.h). A ray traverses cells; the t of each cell wall is computed and not
 // accumulated, so that empty-space skipping changes no bit.
 #if LEAP
-layout(binding = 2) uniform usamplerBuffer distances; // skip/skip.h
+layout(binding = 2) uniform usamplerBuffer distances; // skip/distance_map.h
 #endif
 
 const float NEVER = 1e30;
@@ -25,11 +25,11 @@ vec3 place_at(Ray r, float t) {
   return clamp(p, vec3(0.0), vec3(job.dims.xyz - 1));
 }
 
-// The cell that the ray is in once it has passed all walls up to t.
+// The cell that the ray is in at t, with all walls up to t crossed.
 ivec3 find_cell(Ray r, float t) {
   vec3 c = floor(place_at(r, t)), steps = 2.0 * r.front - 1.0;
   vec3 behind = wall_times(r, c + 1.0 - r.front, -NEVER);
-  bvec3 early = lessThan(vec3(t), behind); // rounding may put the ray on the wrong side of a wall: its t decides
+  bvec3 early = lessThan(vec3(t), behind); // rounding may misplace the ray: the t of the wall decides
   c = mix(c, c - steps, early);
   vec3 before = wall_times(r, c + r.front, NEVER);
   bvec3 late = lessThanEqual(before, vec3(t));
@@ -49,7 +49,7 @@ void fetch_cell(ivec3 cell, out float w[8]) {
 }
 
 #if LABELLED // the volume's gaps
-// Whether a cell has a gap among its corners: no surface is in it.
+// True if one of the cell's corners is a gap: such a cell has no surface.
 bool is_blank(ivec3 cell) {
   ivec4 a = label_corners(cell.xy, cell.z), b = label_corners(cell.xy, cell.z + (job.dims.z > 1 ? 1 : 0));
   ivec4 any = a | b; // textureGather's order in (x, y): (0,1) (1,1) (1,0) (0,0)
@@ -94,7 +94,7 @@ vec3 derive(Cell c) {
   return d;
 }
 
-// The u in 0..1 at which the field first leaves the side; -1: never.
+// The u in 0..1 at which the field first changes sides; -1: never.
 float first_change(Cell c, bool side) {
   vec3 d = derive(c);
   float bends[4] = float[4](0.0, 1.0, 1.0, 1.0);
@@ -119,7 +119,7 @@ float first_change(Cell c, bool side) {
     a = bends[i];
     fa = f;
   }
-  if (b <= a) // no change, or right at the entry
+  if (b <= a) // no change, or a change at the entry
     return b;
   float x = fma(b - a, fa / (fa - fb), a);
   for (int n = 0; n < 32; n++) {
@@ -140,7 +140,7 @@ float first_change(Cell c, bool side) {
 }
 
 #if LEAP
-// True in an empty block, with the t at the end of the empty cube around it.
+// True in an empty block: moves t to the end of the empty cube around the block.
 bool leap_ahead(Ray r, ivec3 cell, inout float t) {
   float size = float(job.blocks.x);
   ivec3 block = ivec3((vec3(cell) + 0.5) / size);
@@ -157,7 +157,7 @@ bool leap_ahead(Ray r, ivec3 cell, inout float t) {
 // Distance from the entry to the hit in mm; -1: none.
 float find_hit(Ray r, float length_mm, inout Counts counts) {
   ivec3 cell_last = max(job.dims.xyz - 2, 0), steps = ivec3(2.0 * r.front - 1.0);
-  ivec3 cell = clamp(find_cell(r, 0.0), ivec3(0), cell_last); // rounding may put the entry outside
+  ivec3 cell = clamp(find_cell(r, 0.0), ivec3(0), cell_last); // rounding may place the entry outside
   bool side = false, fresh = true;
   float t = 0.0;
   while (t < length_mm && all(greaterThanEqual(cell, ivec3(0))) && all(lessThanEqual(cell, cell_last))) {
@@ -185,7 +185,7 @@ float find_hit(Ray r, float length_mm, inout Counts counts) {
       if (fresh)
         side = mixed ? field_in(c, 0.0) >= 0.0 : least >= 0.0;
       fresh = false;
-#if LABELLED // behind it, what counts is the side where the ray leaves it
+#if LABELLED // behind a gap the ray's side is that at the gap's end
       bool blank = is_blank(cell);
       if (blank)
         side = mixed ? field_in(c, 1.0) >= 0.0 : least >= 0.0;

@@ -19,7 +19,7 @@ ivec4 label_corners(ivec2 cell, int z) {
   return ivec4(textureGather(labels, vec3(vec2(cell + 1) * job.label_texel.xy, float(layer))));
 }
 
-// At an index position of the main volume.
+// The labels at an index position of the main volume.
 Label label_at(vec3 p) {
   float inside = 1.0;
   vec3 near;
@@ -53,7 +53,7 @@ Label label_at(vec3 p) {
   return m;
 }
 
-// Where the field has a value: away from the volume's gaps.
+// True if the position has a value, outside the volume's gaps.
 bool has_value(vec3 p) {
   return label_at(p).visible >= 0.5;
 }

@@ -4,7 +4,7 @@ vec2 clip_to_box(vec3 anchor, vec3 direction, float eye) {
   for (int k = 0; k < 3; k++) {
     float lo = job.rays.lo[k] - anchor[k];
     float hi = job.rays.hi[k] - anchor[k];
-    if (abs(direction[k]) < 1e-12) { // parallel to the faces: inside or outside as a whole
+    if (abs(direction[k]) < 1e-12) { // parallel to the faces: entirely inside or outside
       if (lo > 0.0 || hi < 0.0)
         span.y = -3.4e38;
     } else {

@@ -1,6 +1,6 @@
-// Planar reformats (MPR): one sample per pixel, or a slab's maximum, minimum or mean, through the window to grey. SLAB:
-// 0 slice, 1 maximum, 2 minimum, 3 mean. Returns grey with opacity 1. In a volume's gaps (GAPS) samples do not count, nor
-// of the mean intervals whose middle is in one; opacity is 0 where nothing counted.
+// Multiplanar reformats (MPR): one sample per pixel, or a slab's maximum, minimum or mean, mapped to grey by the
+// window. SLAB: 0 slice, 1 maximum, 2 minimum, 3 mean. Returns grey with opacity 1. Samples in a volume's gaps (GAPS)
+// are ignored, as are intervals of the mean whose middle is in a gap; opacity is 0 if nothing remains.
 #define GAPS (LABELLED == 2)
 
 float sample_slice(vec3 entry, vec3 direction, float t) {
@@ -8,7 +8,7 @@ float sample_slice(vec3 entry, vec3 direction, float t) {
   return clamp((field(p) - job.nodes.x) * job.nodes.y, 0.0, job.nodes.z);
 }
 
-bool met = true; // something counted
+bool met = true; // at least one sample or interval counted
 
 #if SLAB
 // Samples lie on the plane, at whole steps from it, and at both ends of the ray.
@@ -65,7 +65,7 @@ vec4 march(vec3 anchor, vec3 direction, vec2 span, inout Counts counts) {
   float grey = clamp((value - job.window.x) * job.window.y + 0.5, 0.0, 1.0);
   if (!met)
     return vec4(0.0);
-#if LABELLED == 1 // on the slice plane, or at the ray's nearest point to it
+#if LABELLED == 1 // on the slice plane, or at the point of the ray nearest to the plane
   return vec4(label_slice(grey, fma(vec3(clamp(-span.x, 0.0, span.y - span.x)), direction, entry)), 1.0);
 #else
   return vec4(vec3(grey), 1.0);

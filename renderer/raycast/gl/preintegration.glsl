@@ -1,5 +1,5 @@
-// Look-up in the full pre-integration table (preintegration.h): rows are differences of ends, columns the smaller end, both
-// interpolated.
+// Look-up in the full pre-integration table (preintegration.h), bilinear: the row is the difference of the segment's
+// ends in nodes, the column the smaller end.
 layout(binding = 1) uniform samplerBuffer table;
 
 // A segment's ends in nodes of a window; start of the window's row k = 0, entries per row, and its row of depths.
@@ -99,7 +99,7 @@ vec4 classify_full(float front, float back) {
 }
 
 #if STIFF
-// 1/2 - 1/x + 1/(exp(x) - 1); opacity_correction_tmpl.h explains it.
+// 1/2 - 1/x + 1/(exp(x) - 1): front_excess() of opacity_correction_tmpl.h.
 float nearer(float x) {
   float clear = 1.0 - opacity_of_depth(x);
   return x < 0.5 ? x * (1.0 / 12.0 - x * x / 720.0) : 0.5 - 1.0 / x + clear / (1.0 - clear);

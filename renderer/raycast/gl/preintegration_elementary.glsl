@@ -3,7 +3,7 @@ struct Piece { vec4 low, high; }; // at each end: colour, and the depth of the t
 layout(std430, binding = 0) readonly buffer Pieces { Piece pieces[]; };
 layout(std430, binding = 1) readonly buffer Firsts { uint first[]; };
 
-// 1 - exp(-a), a >= 0, with a small relative error even for small a, however inaccurate exp() is.
+// 1 - exp(-a), a >= 0, with a small relative error even for small a and an inaccurate exp().
 float one_minus_exp(float a) {
   a = min(a, 87.0);
   precise float n = floor(0.5 - a * 1.44269504);
@@ -15,9 +15,9 @@ float one_minus_exp(float a) {
   return w;
 }
 
-// How much of the opacity w of a piece of depth a shows its far end's colour, seen from the low end (x) and from the
-// high end (y). Extinction is a (1 + tilt (2u - 1)), |a tilt| <= 0.05: the integral of u over the opacity, expanded in
-// a tilt.
+// The share of the far end's colour in the opacity w of a piece of depth a, seen from the low end (x) and from the high
+// end (y): the integral of u over the opacity, for extinction a (1 + tilt (2u - 1)), expanded in a tilt, |a tilt| <=
+// 0.05.
 vec2 far_share(float a, float tilt, float w) {
   float x = a * tilt, even, i1, i2;
   if (a < 0.5) { // without the opacity term, so that nothing cancels
@@ -27,7 +27,7 @@ vec2 far_share(float a, float tilt, float w) {
     i1 = 1.0 / 6.0 - a * (1.0 / 12.0 - a * i1);
     i2 = 1.0 / 30.0 - a * (1.0 / 60.0 - a * (1.0 / 210.0 - a * (1.0 / 1008.0)));
   } else {
-    a = min(a, 1e7); // keeps its powers finite
+    a = min(a, 1e7); // keeps powers of a finite
     x = a * tilt;
     float t = 1.0 - w, r = 1.0 / a, r3 = r * r * r;
     even = w * r - t;

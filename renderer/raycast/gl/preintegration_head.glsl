@@ -1,6 +1,6 @@
 #version 450 core
-// Building the pre-integration table or a subtable (classify/outline.h): an invocation makes some entries of one diagonal
-// k. Neighbouring invocations take neighbouring k and the same positions, so that they read the same pieces.
+// Building the pre-integration table or a subtable (classify/outline.h): an invocation computes some entries of one
+// diagonal k. Neighbouring invocations take neighbouring k and the same positions, so that they read the same pieces.
 layout(local_size_x = 64) in;
 
 // x: node intervals, y: columns per row, z: start of row k = 0, w: intervals per block
@@ -10,7 +10,7 @@ layout(location = 1) uniform vec4 peak; // the largest value of each channel, an
 // Premultiplied colour and opacity over a stretch of the value axis, towards higher nodes and towards lower ones.
 struct Both { vec4 up, down; };
 
-// The over operator. Not front + (1 - opacity) back: 1 minus a small opacity rounds, in the same direction for many
+// The over operator, without computing 1 - opacity: for a small opacity that rounds in the same direction for many
 // similar segments.
 vec4 over(vec4 front, vec4 back) {
   precise vec4 sum = (front - front.a * back) + back;
@@ -19,7 +19,7 @@ vec4 over(vec4 front, vec4 back) {
 
 Both join(Both low, Both high) { return Both(over(low.up, high.up), over(high.down, low.down)); }
 
-// A running composite with Kahan's compensation (segments.h says why).
+// A running composite with Kahan summation (reason: segments.h).
 struct Product { vec4 sum, lost; };
 struct Products { Product up, down; };
 

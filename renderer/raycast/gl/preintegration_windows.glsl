@@ -1,6 +1,6 @@
 // Entries of a diagonal: sliding windows of k intervals, as products without subtraction, hence without cancellation. A
-// window is the rest of its first block, whole blocks, and the beginning of its last: with blocks of about the square
-// root of the table's side, a constant number of compositions per entry.
+// window consists of the end of its first block, whole blocks, and the beginning of its last. With blocks of about the
+// square root of the table's side, the number of compositions per entry is bounded (builder.h).
 layout(rgba32f, binding = 0) uniform imageBuffer table;
 
 // Colour and opacity round separately: clamps colour to opacity times peak, and both to their bounds.

@@ -1,6 +1,6 @@
-// The mean of the field over a ray's length by the trapezoidal rule, whose last interval is shorter. Differences to the
-// first sample are summed, with Kahan's compensation: a constant field is exact, and a million samples lose no more
-// than ten. An interval whose middle is in one of the volume's gaps (LABELLED) is left out.
+// The mean of the field over a ray's length by the trapezoidal rule with a shorter last interval. Differences to the
+// first sample are summed with Kahan's compensation: a constant field is exact, and a million samples lose no more
+// precision than ten. Intervals whose middle is in a gap of the volume (LABELLED) are ignored.
 vec4 march(vec3 anchor, vec3 direction, vec2 span, inout Counts counts) {
   precise vec3 entry = fma(vec3(span.x), direction, anchor);
   float length_mm = span.y - span.x;

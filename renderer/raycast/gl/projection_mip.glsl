@@ -1,12 +1,11 @@
-// MIP and MinIP: the maximum of the signed field along a ray, from samples a step apart, the ray's end, and peak
-// refinement around the greatest (projection.h). With LEAP, empty-space skipping leaves out intervals in which the maximum
-// cannot rise. The march starts with the maximum of the interval with the highest level, whose samples it would take
-// anyway.
+// MIP and MinIP: the maximum of the signed field along a ray, from samples one step apart, a sample at the ray's end,
+// and peak refinement around the maximum (projection.h). With LEAP, empty-space skipping skips intervals that cannot
+// raise the maximum. The interval with the highest level is sampled first, since a march would sample it anyway.
 //
-// In a volume's gaps (LABELLED) samples do not count.
+// Samples in a volume's gaps (LABELLED) are ignored.
 //
 // "precise" and fma() fix the rounding, so that all variants give the same bits: skipping changes nothing.
-float best, at; // the greatest sample, and where it is in mm; of several equal ones the first
+float best, at; // the greatest sample, and its position in mm; the first of several equal ones
 #if LABELLED
 bool met = false; // a sample was taken
 #endif
@@ -30,8 +29,8 @@ float refine_peak(vec3 entry, vec3 direction, float length_mm) {
   return value;
 }
 
-// Of equal maxima the first counts, with and without skipping: blocks that hold an equal of the greatest sample are
-// never skipped (skip/bounds.h).
+// The first of equal maxima counts, with and without skipping, because blocks that contain a sample equal to the
+// maximum are never skipped (skip/bounds.h).
 void take_sample(vec3 entry, vec3 direction, float t, inout Counts counts) {
   float w = sample_signed(entry, direction, t);
   counts.samples++;
@@ -53,7 +52,7 @@ vec4 march(vec3 anchor, vec3 direction, vec2 span, inout Counts counts) {
   at = -1.0;
 #if LEAP
   take_sample(entry, direction, 0.0, counts);
-  // A short ray has nothing to gain from skipping.
+  // Short rays gain nothing from skipping.
   bool guess = best < job.grey.stop && 4.0 * float(job.blocks.w) * job.rays.step_mm < length_mm;
   int first = guess ? highest_interval(entry, direction, length_mm) : 0;
   for (int i = first; guess && i < first + job.blocks.w; i++)
@@ -86,5 +85,5 @@ vec4 march(vec3 anchor, vec3 direction, vec2 span, inout Counts counts) {
   if (!met)
     return vec4(0.0);
 #endif
-  return grey_of(min(best, job.grey.stop)); // a finished ray may be beyond stop, whose grey is the same
+  return grey_of(min(best, job.grey.stop)); // a finished ray may exceed stop, which has the same grey
 }

@@ -44,8 +44,8 @@ int first_sample() {
 }
 
 #if SECOND_ORDER
-// Second-order pre-integration: the linear field with the mean of the quadratic through three samples, and ends within
-// their range (sources: segment_tmpl.h).
+// Second-order pre-integration: the linear field with the mean of the quadratic through three samples, and with ends
+// within their range (source: segment_tmpl.h).
 vec2 linearise(float front, float middle, float back) {
   precise float mean = fma((front - middle) + (back - middle), 1.0 / 6.0, middle); // Simpson's rule; exact for three equal samples
   float least = min(middle, min(front, back)), most = max(middle, max(front, back));
@@ -66,7 +66,7 @@ vec2 linearise(float front, float middle, float back) {
 }
 #endif
 
-// Colour and opacity of a full segment, or, with opacity correction, of one as long as its samples are apart.
+// Colour and opacity of the segment between two samples; is_part: a shorter segment, with opacity correction.
 vec4 segment_between(vec3 entry, vec3 direction, Sample front, Sample back, bool is_part, inout Counts counts) {
   precise float middle = 0.5 * (front.t + back.t);
   vec2 ends = vec2(front.node, back.node);

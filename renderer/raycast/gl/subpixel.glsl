@@ -1,5 +1,5 @@
-// Rays with a phase, of several per pixel (subpixel.h) or by jitter (jitter.glsl): samples lie at whole steps from the entry, less `lag`, so that the
-// first segment is shorter.
+// Rays with a phase, because of several rays per pixel (subpixel.h) or jitter (jitter.glsl): samples lie at whole steps
+// from the entry minus `lag`, so that the first segment is shorter.
 float lag; // mm, of the current ray
 
 float lag_of(ivec2 pixel, float phase) {
