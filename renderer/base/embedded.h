@@ -11,7 +11,7 @@ struct tc_embedded_file {
   size_t size;
 };
 
-/* The text of a table's file; NULL: there is none of this name. */
+/* The text of a file in a table; NULL: no such file. */
 static inline const char *tc_embedded_text(const struct tc_embedded_file *file, const char *name) {
   while (file->name && strcmp(file->name, name) != 0) file++;
   return (const char *)file->bytes;

@@ -39,7 +39,7 @@ GQuark tc_error_quark(void);
 void tc_set_error(GError **error, tc_error_code code, const char *pointer, const char *format, ...)
     G_GNUC_PRINTF(4, 5);
 
-/* The JSON pointer stored with an error of our domain; NULL where there is none. Owned by the error. */
+/* The JSON pointer stored with an error of TC_ERROR; NULL if none was stored. Owned by the error. */
 const char *tc_error_pointer(const GError *error);
 
 #ifdef __cplusplus

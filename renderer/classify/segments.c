@@ -364,7 +364,7 @@ static void elementary_four(const tc_quad *q, float length_mm, tc_v4 forward[4],
 }
 
 void tc_segments_integrate(const tc_segments *s, double length_mm, int from, int to, tc_v4 *forward, tc_v4 *backward) {
-  int j = from & ~3; /* whole quads: the result for an interval does not depend on the range asked for */
+  int j = from & ~3; /* whole quads: the result for an interval does not depend on the requested range */
   for (; j < to && j + 4 <= s->count; j += 4)
     if ((float)length_mm <= s->quads[j / 4].longest_mm)
       elementary_four(&s->quads[j / 4], (float)length_mm, forward + j, backward + j);

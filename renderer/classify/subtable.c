@@ -7,8 +7,8 @@
 
 /* A change between two knots, and the coarsest node distance that resolves it, in voxel values: a quarter of its
  * width, or, for a steep change, a quarter of the way to the next change back of the same channel (the width of a
- * peak). An isolated steep change may be displaced by TC_EDGE_UNITS or TC_EDGE_SHARE. Of a long rise of extinction,
- * only the part at its thin end that turns a voxel from transparent to opaque counts. */
+ * peak). An isolated steep change may be displaced by TC_EDGE_UNITS or TC_EDGE_SHARE. A long rise of extinction counts
+ * only with the part at its thin end that turns a voxel from transparent to opaque. */
 typedef struct edge {
   double at, node;
 } edge;

@@ -34,7 +34,7 @@ typedef struct tc_object_cost {
   tc_object_mode cheapest;
 } tc_object_cost;
 
-/* Whether the scene shows exactly one opaque object (mode splat, isosurface or mesh, without labels) of a volume with a
+/* True if the scene shows exactly one opaque object (mode splat, isosurface or mesh, without labels) of a volume with a
  * grid; the threshold is splat.threshold's lower end, or the iso value. */
 bool tc_is_object(const tc_volume *volume, const tc_scene *scene);
 

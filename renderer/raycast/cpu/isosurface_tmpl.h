@@ -125,7 +125,7 @@ V_INLINE void derive(const iso_cell *c, vf d[3]) {
   d[2] = v_set(3) * di * c->delta[2];
 }
 
-/* Extrema of the cubic inside 0..1, ascending; 1 where there is none. */
+/* Extrema of the cubic inside 0..1, ascending; 1 in place of missing ones. */
 V_INLINE void find_extrema(const vf d[3], vf *first, vf *second) {
   vf half = v_set(0.5f) * d[1], disc = v_fma(half, half, v_set(0) - d[0] * d[2]);
   vf root = v_sqrt(v_max(disc, v_set(0)));

@@ -25,7 +25,7 @@
 #define HARDWARE_PIXELS (1 << 20)
 #define ROW 64 /* largest height of a tile; slow tiles are made narrower */
 #define IN_FLIGHT_MS 20 /* longest expected time of all tiles in flight, during which the halt has no effect */
-#define BACKGROUND_UPLOAD ((size_t)8 << 20) /* volumes of at least so many bytes are uploaded in the background */
+#define BACKGROUND_UPLOAD ((size_t)8 << 20) /* volumes of at least this size are uploaded in the background */
 #define DEFAULT_CACHE_BYTES ((uint64_t)256 << 20)
 
 /* Background work: programs to compile, or volumes to upload. */
