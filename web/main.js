@@ -288,6 +288,7 @@ function showFrame(drawn) {
   building.done();
   caption.drawn(drawn.header);
   status.frame(drawn);
+  surfaces.measured(drawn.header.error);
   quality.frame(drawn.header);
   suggestion.frame(drawn.header);
   stage.dataset.frame = drawn.header.frame;

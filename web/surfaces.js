@@ -1,6 +1,7 @@
 // The list of surfaces drawn in modes mesh, dvr and mip: edits scene.mesh.surfaces, which is sent as a whole.
 
 import { bindGesture } from './panels.js';
+import { depthText } from './status.js';
 import { fromHex, toHex } from './transfer_model.js';
 
 const MOST = 256;
@@ -69,6 +70,17 @@ export class Surfaces {
     this.#get('surfaces-add').disabled = this.#get('surfaces-slice').disabled = list.length >= MOST;
   }
 
+  /** What the error meter found of the picture on screen, below the surface that it is of. While it is on there is room for
+   *  that, so that no control moves under a hand. */
+  measured(error) {
+    const on = this.#store.scene?.mode === 'mesh' && this.#store.scene.errorMeter?.pixels > 0;
+    this.#rows.forEach(({ off }, i) => {
+      const found = error?.surfaces?.find(({ surface }) => surface === i);
+      off.textContent = found ? depthText(found) : error ? 'no measured pixel shows it' : '';
+      off.hidden = !on;
+    });
+  }
+
   #list() {
     return this.#store.scene?.mesh?.surfaces ?? [];
   }
@@ -123,6 +135,8 @@ export class Surfaces {
     row.append(color ?? element('span', {}), value ?? element('span', { textContent: kind }), opacity, eye, drop);
     if (look) row.append(look);
     if (own) row.append(own);
-    return { kind, row, value, color, own, opacity, eye, look };
+    const off = element('small', { hidden: true });
+    row.append(off);
+    return { kind, row, value, color, own, opacity, eye, look, off };
   }
 }

@@ -131,6 +131,23 @@ describe('page and fake server', { skip }, () => {
     await page.close();
   });
 
+  test('what the meter says of a surface stands below it', async () => {
+    const { page } = await open(browser, url);
+    await page.selectOption('#mode', 'mesh');
+    await page.click('#surfaces-add');
+    await page.waitForSelector('#surfaces-list li:nth-child(2)');
+    assert.ok(await page.isHidden('#surfaces-list li:nth-child(2) small'));
+    await page.evaluate(() => document.getElementById('meter').click());
+    await page.waitForFunction(() => document.querySelector('#surfaces-list li:nth-child(2) small').textContent);
+    const said = await page.$$eval('#surfaces-list small', (all) => all.map(({ textContent }) => textContent));
+    assert.deepEqual(said, ['no measured pixel shows it', 'depth 0.030 mm rms, 99 % within 0.12 mm, outline wrong in 1.0 % of pixels']);
+    assert.match(await page.textContent('#stat-error'), /; depth 0.030 mm, 99 % 0.12, outline 1.0 %$/);
+    await page.evaluate(() => document.getElementById('meter').click());
+    await page.waitForSelector('#surfaces-list li:nth-child(2) small', { state: 'hidden' });
+    assert.deepEqual(page.complaints, []);
+    await page.close();
+  });
+
   test('quality: a step, a bound on the error or a budget of time, and why', async () => {
     const { page } = await open(browser, url);
     const asked = async () => (await scene(page)).quality ?? {};

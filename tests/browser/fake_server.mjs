@@ -410,7 +410,10 @@ class Viewer {
       return;
     }
     const found = { error: { rms: 0.0016, low: 0.0012, high: 0.002, max: 0.011, pixels } };
-    this.#picture(width, height, bytes, true, mode === 'dvr' ? found : { unmeasured: 'no reference for this mode' });
+    const depths = { depthRms: 0.03, depthP99: 0.12, depthMax: 0.4, outline: 0.01 };
+    if (mode === 'mesh') Object.assign(found.error, depths, { surfaces: [{ surface: 1, pixels: 40, ...depths }] });
+    const known = ['dvr', 'mesh'].includes(mode);
+    this.#picture(width, height, bytes, true, known ? found : { unmeasured: 'no reference for this mode' });
   }
 
   #picture(width, height, bytes, final, measured) {
