@@ -261,45 +261,6 @@ static bool make_room(drawing *d, tc_raster_layers *layers, size_t n) {
   return of != NULL;
 }
 
-/* From the nearest on, sample by sample; of equal ones the first number. */
-static int by_depth(const void *a, const void *b) {
-  const tc_raster_layer *x = a, *y = b;
-  const uint32_t sx = x->at / TC_RASTER_PIXELS, sy = y->at / TC_RASTER_PIXELS;
-  if (sx != sy) return sx < sy ? -1 : 1;
-  if (x->near != y->near) return x->near > y->near ? -1 : 1;
-  return (x->id > y->id) - (x->id < y->id);
-}
-
-static int by_id(const void *a, const void *b) {
-  const tc_raster_layer *x = a, *y = b;
-  return (x->id > y->id) - (x->id < y->id);
-}
-
-/* Most pixels have few. */
-static void sort_layers(tc_raster_layer *of, size_t n, int (*compare)(const void *, const void *)) {
-  if (n > 32) {
-    qsort(of, n, sizeof *of, compare);
-    return;
-  }
-  for (size_t i = 1; i < n; i++) {
-    const tc_raster_layer one = of[i];
-    size_t at = i;
-    for (; at > 0 && compare(&of[at - 1], &one) > 0; at--) of[at] = of[at - 1];
-    of[at] = one;
-  }
-}
-
-/* Sorts what was found into pixels: first[p] .. first[p + 1] of those behind. */
-static tc_raster_layer *sort_by_pixel(tc_raster_layers *layers, uint32_t first[TC_RASTER_PIXELS + 1]) {
-  tc_raster_layer *sorted = layers->of + layers->room;
-  memset(first, 0, (TC_RASTER_PIXELS + 1) * sizeof *first);
-  for (size_t i = 0; i < layers->n; i++) first[layers->of[i].at % TC_RASTER_PIXELS]++;
-  uint32_t end = 0;
-  for (int p = 0; p <= TC_RASTER_PIXELS; p++) end = first[p] += end;
-  for (size_t i = layers->n; i-- > 0;) sorted[--first[layers->of[i].at % TC_RASTER_PIXELS]] = layers->of[i];
-  return sorted;
-}
-
 /* ---- shading ---- */
 
 /* Where the ray through the middle of a fragment is when it has gone so far. */
@@ -413,14 +374,14 @@ static void add_layers(drawing *d, worker *w, int x, int y, tc_raster_layer *of,
   float clear[TC_RASTER_SAMPLES];
   tc_raster_layer last[TC_RASTER_SAMPLES]; /* what is opaque */
   int n_last = 0;
-  sort_layers(of, n, by_depth);
+  tc_raster_layers_by_depth(of, n);
   share_out(d, of, n, clear);
   for (int s = 0; s < n_samples; s++) {
     const uint32_t at = (uint32_t)((s * TC_RASTER_SIDE + y) * TC_RASTER_SIDE + x), id = w->tile.id[at];
     if (id != TC_RASTER_NOTHING && clear[s] >= SEEN_THROUGH)
       last[n_last++] = (tc_raster_layer){at, id, clear[s] / (float)n_samples};
   }
-  if (n_samples > 1) sort_layers(of, n, by_id), sort_layers(last, (size_t)n_last, by_id);
+  if (n_samples > 1) tc_raster_layers_by_id(of, n), tc_raster_layers_by_id(last, (size_t)n_last);
   for (int pass = 0; pass < 2; pass++, of = last, n = (size_t)n_last)
     for (size_t i = 0, end; i < n; i = end) {
       float share = 0, middle[2] = {0, 0}, seen = 0;
@@ -435,7 +396,7 @@ static void add_layers(drawing *d, worker *w, int x, int y, tc_raster_layer *of,
 /* Rows [y0, y1) of the tile, with the layers found in them. False: left before row w->rows. */
 static bool shade_rows(drawing *d, worker *w, int y0, int y1) {
   uint32_t first[TC_RASTER_PIXELS + 1];
-  tc_raster_layer *of = w->layers.n ? sort_by_pixel(&w->layers, first) : NULL;
+  tc_raster_layer *of = w->layers.n ? tc_raster_layers_by_pixel(&w->layers, first) : NULL;
   for (int y = y0; y < y1; w->rows = ++y) {
     if (tc_halt_within(tc_pool_halt(d->job->pool))) return false;
     for (int x = 0; x < w->tile.width; x++) {
