@@ -10,6 +10,7 @@
 
 #include "renderer/quality/meter.h"
 #include "renderer/raycast/subpixel.h"
+#include "renderer/reference/reference.h"
 #include "tests/support/grid.h"
 #include "tests/support/renderers.h"
 
@@ -376,6 +377,23 @@ TEST(meshes_of_labels_are_near_their_definition) {
       assert_true(said.surfaces[k].label != 2 && said.surfaces[k].p50 < 3 * 4 / 256.0 && said.surfaces[k].both > 100);
     assert_true(said.depth.outline < 0.01);
   }
+}
+
+/* Blocks of the labels' fields are made by whichever thread asks first: any number of threads see the same picture. */
+TEST(threads_share_the_truth_of_labels) {
+  static float pictures[2][PIXELS][4];
+  g_autoptr(tc_volume) labels = test_volume(&(test_grid){.dims = {VOXELS, VOXELS, VOXELS}, .type = TC_U8, .slope = 1}, halves_and_sheet, NULL);
+  g_auto(tc_scene) scene;
+  double covered = 0;
+  look_at_labels(&scene);
+  for (int i = 0; i < 2; i++) {
+    g_autoptr(tc_reference) reference =
+        tc_meter_reference(&(tc_meter_subject){.volume = labels, .labels = labels, .scene = &scene}, SIDE, SIDE, NULL);
+    assert_true(tc_reference_image(reference, i ? 4 : 1, pictures[i][0], NULL));
+  }
+  for (int p = 0; p < PIXELS; p++) covered += (double)pictures[0][p][3];
+  assert_true(covered > PIXELS / 10);
+  assert_memory_equal(pictures[0], pictures[1], sizeof pictures[0]);
 }
 
 TEST(a_truth_of_labels_ends_when_told) {
