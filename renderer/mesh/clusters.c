@@ -8,6 +8,7 @@
 #include <string.h>
 
 #define CHUNK 8192 /* triangles of a task */
+#define SORTED 16  /* chunks of a task of the sort: one thread sums up the counts of all tasks */
 #define MOST_CUTS (CHUNK / (TC_CLUSTER_VERTICES / 3) + 1)
 #define DIGIT_BITS 12
 #define DIGITS (1 << DIGIT_BITS)
@@ -31,7 +32,7 @@ typedef struct chunk_sums {
   uint64_t edges; /* 0 in all where every edge goes both ways */
   double volume;  /* six times what a closed mesh encloses; below 0 where normals point inwards */
   size_t kept;
-  uint32_t digits[DIGITS]; /* of the sort: how many, then where the first goes */
+  uint32_t digits[DIGITS]; /* of a task of the sort: how many, then where the first goes */
   int n_cuts;
   size_t vertex_room, triangle_room;
   cut cuts[MOST_CUTS];
@@ -131,32 +132,38 @@ static void key_chunk(void *context, int chunk, int worker) {
 
 /* ---- sort ---- */
 
-static void count_digits(void *context, int chunk, int worker) {
+static size_t task_end(const builder *b, int task) {
+  const size_t end = ((size_t)task + 1) * SORTED * CHUNK;
+  return MIN(end, b->mesh->n_triangles);
+}
+
+static void count_digits(void *context, int task, int worker) {
   builder *b = context;
-  uint32_t *digits = b->chunks[chunk].digits;
-  memset(digits, 0, sizeof b->chunks[chunk].digits);
-  for (size_t i = (size_t)chunk * CHUNK; i < chunk_end(b, b->mesh->n_triangles, chunk); i++)
+  uint32_t *digits = b->chunks[task].digits;
+  memset(digits, 0, sizeof b->chunks[task].digits);
+  for (size_t i = (size_t)task * SORTED * CHUNK, end = task_end(b, task); i < end; i++)
     digits[b->from[i].key >> b->shift & (DIGITS - 1)]++;
 }
 
-static void place_chunk(void *context, int chunk, int worker) {
+static void place_by_digit(void *context, int task, int worker) {
   builder *b = context;
-  uint32_t *digits = b->chunks[chunk].digits;
-  for (size_t i = (size_t)chunk * CHUNK; i < chunk_end(b, b->mesh->n_triangles, chunk); i++)
+  uint32_t *digits = b->chunks[task].digits;
+  for (size_t i = (size_t)task * SORTED * CHUNK, end = task_end(b, task); i < end; i++)
     b->to[digits[b->from[i].key >> b->shift & (DIGITS - 1)]++] = b->from[i];
 }
 
 static bool sort_keys(builder *b) {
+  const int n_tasks = (b->n_chunks + SORTED - 1) / SORTED;
   for (b->shift = 0; b->shift < 3 * AXIS_BITS; b->shift += DIGIT_BITS) {
-    if (!tc_pool_run(b->pool, b->n_chunks, count_digits, b)) return false;
+    if (!tc_pool_run(b->pool, n_tasks, count_digits, b)) return false;
     uint32_t at = 0;
     for (int d = 0; d < DIGITS; d++)
-      for (int c = 0; c < b->n_chunks; c++) {
+      for (int c = 0; c < n_tasks; c++) {
         uint32_t n = b->chunks[c].digits[d];
         b->chunks[c].digits[d] = at;
         at += n;
       }
-    if (!tc_pool_run(b->pool, b->n_chunks, place_chunk, b)) return false;
+    if (!tc_pool_run(b->pool, n_tasks, place_by_digit, b)) return false;
     keyed *other = b->from;
     b->from = b->to, b->to = other;
   }

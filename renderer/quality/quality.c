@@ -71,7 +71,8 @@ static bool lacks_truth(const tc_scene *scene, char *reason, size_t size) {
 bool tc_quality_refuses(const tc_scene *scene, char *reason, size_t size) {
   if (!tc_is_surface(scene->mode) && scene->mode != TC_MODE_SPLAT)
     return !is_timed(scene) && lacks_truth(scene, reason, size);
-  snprintf(reason, size, "mode %s has no steps to choose", tc_mode_names[scene->mode]);
+  snprintf(reason, size, "mode %s has no steps to choose%s", tc_mode_names[scene->mode],
+           is_timed(scene) ? "; in motion its pictures have fewer pixels and rays, so that the time is kept" : "");
   return true;
 }
 

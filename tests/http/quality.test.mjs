@@ -146,6 +146,31 @@ test('a time budget: the step follows, said in the plan', async () => {
   await ws.close();
 });
 
+test('modes without steps keep a time budget in motion by fewer pixels, and are full at rest', async () => {
+  const budget = 6;
+  for (const mode of ['mesh', 'isosurface', 'splat']) {
+    const scene = { mode, image: { width: 800, height: 800 }, sampling: { raysPerPixel: mode === 'splat' ? 1 : 8 }, isosurface: { value: 100 } };
+    const { session, ws } = await open({ ...scene, quality: { maxMilliseconds: budget } });
+    await ws.nextFrame(({ final }) => final);
+    const moving = [];
+    for (let seq = 1; seq <= 25; seq++) {
+      ws.patch(seq, { camera: { fovY: 30 + seq / 20 } });
+      const { header } = await ws.nextFrame((h) => h.seq === seq);
+      if (!header.final) moving.push(header);
+    }
+    ws.patch(26, { camera: { fovY: 33 } });
+    const rest = (await ws.nextFrame((h) => h.seq === 26 && h.final)).header;
+    const held = moving.slice(5).filter(({ timing }) => timing.renderMs <= budget);
+    const text = moving.map(({ width, timing }) => `${width}: ${timing.renderMs}`).join(', ');
+    assert.equal(rest.width, 800);
+    assert.ok(held.length > 0, `${mode}: ${text}; at rest ${rest.timing.renderMs}`);
+    if (rest.timing.renderMs > 2 * budget) assert.ok(held.every(({ width }) => width < 800), `${mode}: ${text}`);
+    const { quality } = await planOf(session);
+    assert.match(quality.reason, /no steps to choose; in motion/);
+    await ws.close();
+  }
+});
+
 test('a scene without a reference keeps its own sampling, and the plan says so', async () => {
   const { session, ws } = await open({ quality: { maxError: 0.01 }, mode: 'mpr' });
   await ws.nextFrame(({ final }) => final);
