@@ -86,6 +86,17 @@ static void forget(tcs_catalogue *catalogue, tcs_entry *entry) {
   g_hash_table_remove(catalogue->entries, entry);
 }
 
+/* The oldest failed entries: those over the limit, and those past their time. */
+static void forget_failed(tcs_catalogue *catalogue, int64_t now_us) {
+  const tcs_limits *limits = &catalogue->server->config->limits;
+  for (tcs_entry *oldest; (oldest = g_queue_peek_head(&catalogue->failed));) {
+    if (catalogue->failed.length <= limits->failed_entries &&
+        now_us - oldest->used_us < limits->failed_seconds * 1000000)
+      return;
+    forget(catalogue, oldest);
+  }
+}
+
 bool tcs_catalogue_may_load(tcs_catalogue *catalogue, tcs_kind kind, const char *id, const char *client,
                             GError **error) {
   if (!tcs_id_valid(id)) {
@@ -108,6 +119,7 @@ bool tcs_catalogue_may_load(tcs_catalogue *catalogue, tcs_kind kind, const char 
 
 tcs_entry *tcs_catalogue_load(tcs_catalogue *catalogue, tcs_kind kind, const char *id, tcs_source_file *source,
                               GError **error) {
+  forget_failed(catalogue, g_get_monotonic_time()); /* thousands may fail between two ticks */
   if (!tcs_catalogue_may_load(catalogue, kind, id, source->operators ? NULL : source->client, error)) {
     tcs_spooled_free(source->upload);
     tcs_series_unref(source->series);
@@ -134,16 +146,6 @@ void tcs_catalogue_remove(tcs_catalogue *catalogue, tcs_entry *entry) {
 }
 
 /* --- failed entries --------------------------------------------------------------------------------- */
-
-static void forget_failed(tcs_catalogue *catalogue, int64_t now_us) {
-  const tcs_limits *limits = &catalogue->server->config->limits;
-  for (tcs_entry *oldest; (oldest = g_queue_peek_head(&catalogue->failed));) {
-    if (catalogue->failed.length <= limits->failed_entries &&
-        now_us - oldest->used_us < limits->failed_seconds * 1000000)
-      return;
-    forget(catalogue, oldest);
-  }
-}
 
 void tcs_entry_fail(tcs_catalogue *catalogue, tcs_entry *entry, char *reason) {
   entry->state = TCS_FAILED;

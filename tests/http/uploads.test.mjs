@@ -231,6 +231,14 @@ test('failed volumes age and are bounded; loads that wait are too, and go with t
   const d = await Daemon.start({ ball: false, files: { 'broken.nrrd': 'NRRD0004\n' }, config: '[limits]\nfailed_entries=20\nfailed_seconds=2\nloads_per_client=8\nvolume_bytes=1000000000\nmemory_bytes=1500000000\n' });
   for (let i = 0; i < 60; i++)
     await until(async () => (await d.post('/v1/volumes', { id: `f${i}`, path: 'broken.nrrd' })).status === 202);
+  // What fails at once is bounded by the limit and the loads of one client, not by what fits between two looks at its age.
+  for (let i = 0; i < 300; i++) {
+    await d.post('/v1/volumes', { id: `g${i}`, path: 'demo:nothing' });
+    if (i % 50 === 49) {
+      const { volumes } = (await d.get('/v1/volumes')).json;
+      assert.ok(volumes.length > 0 && volumes.length <= 28, `${volumes.length} of ${i}`);
+    }
+  }
   await until(async () => { const { volumes } = (await d.get('/v1/volumes')).json; return volumes.length > 0 && volumes.length <= 20; });
   await until(async () => (await d.get('/v1/volumes')).json.volumes.length === 0, 15);
   const statuses = [];
