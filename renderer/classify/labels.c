@@ -196,7 +196,7 @@ bool tc_labels_check(const tc_volume *volume, const tc_volume *labels, const tc_
   const tc_volume_desc *d = tc_volume_describe(labels);
   if (tc_volume_sparse(labels)) {
     tc_set_error(error, TC_ERROR_INVALID, pointer,
-                 "labels/volume: a run-length model is shown by itself; labels are a volume with a grid");
+                 "labels/volume: labels need a volume with a grid, not a run-length model");
     return false;
   }
   if (d->type == TC_F32 || d->slope != rint(d->slope) || d->intercept != rint(d->intercept)) {

@@ -244,7 +244,7 @@ bool tc_renderer_pick(tc_renderer *renderer, const tc_volume *volume, const tc_s
   collect(&d, NULL);
   if (d.job.have.mesh && (!tc_plan_has(&d.plan, TC_RESOURCE_LABELS) || d.job.have.labels))
     return tc_mesh_job_pick(&d.job, pick, error);
-  tc_set_error(error, TC_ERROR_BUSY, NULL, "the surfaces are not there: ask again when the session's frame is");
+  tc_set_error(error, TC_ERROR_BUSY, NULL, "the surfaces are not built yet: retry after the session's next frame");
   return false;
 }
 
@@ -272,7 +272,7 @@ static bool draw_by_stand_in(drawing *d, GError **error) {
   if (!stand_in(d->r, error)) return false;
   d->job.outlines_table = false;
   if (d->job.have.table && !collect_one(d, TC_RESOURCE_TABLE, error)) return false;
-  if (d->facts.table_builder) d->facts.table_builder = "built by the cpu, which draws while opengl gets ready";
+  if (d->facts.table_builder) d->facts.table_builder = "built by the cpu, which draws until OpenGL is ready";
   d->facts.fills_in = d->job.key.skipping;
   skip_nothing(&d->job);
   d->stats->stand_in = true;

@@ -37,7 +37,7 @@ static unsigned link_program(const unsigned *shaders, int n, const char *label, 
 static unsigned compile(unsigned kind, const char *const *pieces, size_t count, const char *label, GError **error) {
   unsigned shader = glCreateShader(kind);
   if (!shader) {
-    tc_set_error(error, TC_ERROR_INTERNAL, NULL, "gl: the driver makes no shader for %s; use --backend cpu", label);
+    tc_set_error(error, TC_ERROR_INTERNAL, NULL, "gl: the driver cannot create a shader for %s; use --backend cpu", label);
     return 0;
   }
   glShaderSource(shader, (GLsizei)count, pieces, NULL);

@@ -214,9 +214,9 @@ static bool check_built(const tc_scene *s, GError **error) {
   if (s->mode == TC_MODE_DVR && (unsigned)s->order >= TC_ORDER_COUNT) return invalid(error, "/order", "unknown");
   if ((unsigned)s->filter >= TC_FILTER_COUNT) return invalid(error, "/filter", "unknown");
   if (surface && s->filter != TC_FILTER_LINEAR)
-    return unsupported(error, "/filter", "any filter of isosurfaces but linear");
+    return unsupported(error, "/filter", "a filter other than linear for isosurfaces");
   if (slice && s->sampling.rays_per_pixel != 1)
-    return unsupported(error, "/sampling/raysPerPixel", "more than one ray for a pixel of a slice");
+    return unsupported(error, "/sampling/raysPerPixel", "several rays per pixel in slices");
   return true;
 }
 
@@ -276,7 +276,7 @@ static bool check_splat(const tc_volume *volume, const tc_scene *s, const tc_sce
     return invalid(error, "/splat/attribute",
                    "value (colours of the transfer function), color (isosurface.color) or an attribute of a .vmd expected");
   if (s->filter == TC_FILTER_NEAREST)
-    return unsupported(error, "/filter", "a footprint but of linear (a Gaussian) and cubic");
+    return unsupported(error, "/filter", "a footprint other than linear (Gaussian) and cubic");
   return check_color(s, error) && ((s->splat.opaque && (!s->splat.attribute[0] || strcmp(s->splat.attribute, "color") == 0)) || check_transfer_function(&s->transfer_function, valid, error));
 }
 

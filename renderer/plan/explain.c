@@ -81,7 +81,7 @@ static void say_tables(const teller *t) {
   if (tc_plan_has(t->plan, TC_RESOURCE_INTEGRALS)) {
     say(t, TC_STAGE_TABLE_1D, true, "classification is %s: %s at %d values, for segments of any length", name,
         t->scene->classification == TC_POST ? "extinction and colour" : "integrals of extinction and colour", p->n);
-    say(t, TC_STAGE_TABLE_2D, false, "classification is %s: no segment is looked up as a whole", name);
+    say(t, TC_STAGE_TABLE_2D, false, "classification is %s: segments are not looked up in a 2-D table", name);
     return;
   }
   char subtables[48] = "";
@@ -124,11 +124,11 @@ static void say_skipping(const teller *t) {
   switch (s->mode) {
   case TC_MODE_DVR:
     reason = in ? "the transfer function is zero over part of the range"
-             : !tc_boxes_serve(t->volume) ? "an axis is longer than boxes can name"
+             : !tc_boxes_serve(t->volume) ? "an axis is too long for boxes"
                                           : "the transfer function is nowhere zero in the volume's range";
     break;
-  case TC_MODE_MIP: reason = "blocks whose maximum cannot raise a ray's are left out"; break;
-  case TC_MODE_MINIP: reason = "blocks whose minimum cannot lower a ray's are left out"; break;
+  case TC_MODE_MIP: reason = "blocks that cannot raise a ray's maximum are skipped"; break;
+  case TC_MODE_MINIP: reason = "blocks that cannot lower a ray's minimum are skipped"; break;
   case TC_MODE_AVERAGE: reason = "mode average counts every sample"; break;
   case TC_MODE_ISOSURFACE:
   case TC_MODE_MESH:
@@ -151,7 +151,7 @@ static void say_skipped(const teller *t) {
   const tc_facts *f = t->facts;
   if (!f || !t->plan->key.skipping) return;
   if (f->fills_in)
-    say(t, TC_STAGE_SKIPPING, false, "the cpu draws every sample while opengl gets ready");
+    say(t, TC_STAGE_SKIPPING, false, "the cpu draws without skipping until OpenGL is ready");
   else if (!f->key.skipping)
     say(t, TC_STAGE_SKIPPING, false, "only %.1f %% of the blocks are empty", 100 * f->empty_share);
   else if (f->empty_share >= 0 && tc_plan_has(t->plan, TC_RESOURCE_BOXES))
@@ -176,7 +176,7 @@ bool tc_meter_refuses(const tc_scene *scene, char *reason, size_t size) {
                                                                                                           supplies them
                                                                                                           to the
                                                                                                           reference */
-  snprintf(reason, size, "the reference has nothing for this %s", member + 1);
+  snprintf(reason, size, "the reference does not support this %s", member + 1);
   return true;
 }
 
@@ -187,7 +187,7 @@ static void say_meter(const teller *t) {
   else if (tc_meter_refuses(t->scene, reason, sizeof reason))
     say(t, TC_STAGE_ERROR_METER, false, "%s", reason);
   else
-    say(t, TC_STAGE_ERROR_METER, true, "%d pixels of each final frame against the reference, beside the rendering",
+    say(t, TC_STAGE_ERROR_METER, true, "%d pixels of each final frame against the reference, in the background",
         t->scene->error_meter.pixels);
 }
 
@@ -215,11 +215,11 @@ static void say_rays(const teller *t) {
   else if (s->mode == TC_MODE_DVR)
     say(t, TC_STAGE_RAYS, true, "%d rays a pixel share its samples: segments of %.4g mm", count, t->plan->step_mm);
   else if (s->mode == TC_MODE_MESH)
-    say(t, TC_STAGE_RAYS, true, "coverage by %d samples a pixel, shaded once for each triangle that is seen", count);
+    say(t, TC_STAGE_RAYS, true, "coverage by %d samples a pixel, shaded once per visible triangle", count);
   else if (s->mode == TC_MODE_ISOSURFACE)
-    say(t, TC_STAGE_RAYS, true, "%d rays a pixel, each with a hit of its own: the mean smooths edges", count);
+    say(t, TC_STAGE_RAYS, true, "%d rays a pixel, each with its own hit; the mean antialiases edges", count);
   else
-    say(t, TC_STAGE_RAYS, true, "%d rays a pixel, each with all samples: mode %s sees nothing between them", count,
+    say(t, TC_STAGE_RAYS, true, "%d rays a pixel, each with all samples: mode %s would miss extrema between them", count,
         tc_mode_names[s->mode]);
   say(t, TC_STAGE_JITTER, t->plan->key.jitter,
       !s->sampling.jitter        ? "sampling.jitter is off"
@@ -235,18 +235,18 @@ static void say_coherence(const teller *t) {
   if (!s->sampling.coherence) {
     say(t, TC_STAGE_COHERENCE, false, "sampling.coherence is off");
   } else if (s->sampling.rays_per_pixel == 1) {
-    say(t, TC_STAGE_COHERENCE, false, "one ray a pixel: there is none to share with");
+    say(t, TC_STAGE_COHERENCE, false, "one ray per pixel: nothing to share");
   } else if (tc_is_projection(s->mode)) {
     say(t, TC_STAGE_COHERENCE, false, "mode %s has no empty space", tc_mode_names[s->mode]);
   } else if (s->mode == TC_MODE_MESH) {
     say(t, TC_STAGE_COHERENCE, false, "a mesh is drawn without rays");
   } else if (s->mode == TC_MODE_ISOSURFACE) {
-    say(t, TC_STAGE_COHERENCE, false, "each ray leaps from cells of its own");
+    say(t, TC_STAGE_COHERENCE, false, "each ray skips empty space separately");
   } else if (!t->plan->key.skipping || (t->plan->key.coherence && !skipping)) {
-    say(t, TC_STAGE_COHERENCE, false, "nothing is known to be empty: stage skipping is out");
+    say(t, TC_STAGE_COHERENCE, false, "empty-space skipping is off");
   } else if (t->plan->key.coherence && t->facts && tc_plan_has(t->plan, TC_RESOURCE_BOXES) &&
              t->facts->empty_share >= 0) {
-    say(t, TC_STAGE_COHERENCE, true, "all rays of a pixel share the runs of what shows");
+    say(t, TC_STAGE_COHERENCE, true, "all rays of a pixel share the occupied runs");
   } else {
     tc_rays_set_up(&rays, t->volume, s, t->plan->width, t->plan->height);
     say(t, TC_STAGE_COHERENCE, t->plan->key.coherence,
@@ -260,9 +260,9 @@ static void say_coherence(const teller *t) {
 static void say_termination(const teller *t) {
   const tc_scene *s = t->scene;
   if (t->plan->key.termination)
-    say(t, TC_STAGE_TERMINATION, true, "rays end under a transparency of %.3g", s->sampling.termination);
+    say(t, TC_STAGE_TERMINATION, true, "rays end below a transparency of %.3g", s->sampling.termination);
   else if (s->sampling.termination > 0)
-    say(t, TC_STAGE_TERMINATION, false, "order is back-to-front: what is in front comes last");
+    say(t, TC_STAGE_TERMINATION, false, "order is back-to-front: the nearest segment comes last");
   else
     say(t, TC_STAGE_TERMINATION, false, "sampling.termination is 0");
 }
@@ -283,7 +283,7 @@ static void say_picture(const teller *t) {
     say(t, TC_STAGE_RESOLVE, true, "background and 8-bit conversion of %dx%d pixels", t->plan->width, t->plan->height);
   if (f && f->deaf)
     add(t, TC_STAGE_RESOLVE,
-        "; drawn by the cpu: a pixel has up to %.3g samples, and %s would be busy with the least it can draw for %.3g ms",
+        "; drawn by the cpu: a pixel has up to %.3g samples, and %s could not be interrupted for %.3g ms",
         f->pixel_samples, f->deaf, f->deaf_ms);
   say(t, TC_STAGE_ENCODE, true, s->image.format == TC_FORMAT_PNG ? "png, lossless" : "jpeg, quality %d",
       s->image.quality);
@@ -293,9 +293,9 @@ static void say_picture(const teller *t) {
 static void say_mpr(const teller *t) {
   static const struct { tc_stage stage; const char *reason; } out[] = {
       {TC_STAGE_GRADIENT, "a slice has no shading"},
-      {TC_STAGE_SKIPPING, "a slice shows every voxel it meets"},
+      {TC_STAGE_SKIPPING, "a slice has no empty space"},
       {TC_STAGE_RAYS, "one ray a pixel"},
-      {TC_STAGE_COHERENCE, "one ray a pixel: there is none to share with"},
+      {TC_STAGE_COHERENCE, "one ray per pixel: nothing to share"},
       {TC_STAGE_JITTER, "a slice has no jitter"},
       {TC_STAGE_SPLATS, "mode is mpr"},
       {TC_STAGE_TERMINATION, "a slab counts all of its samples"},
@@ -306,7 +306,7 @@ static void say_mpr(const teller *t) {
 
 static void say_splats(const teller *t) {
   static const struct { tc_stage stage; const char *reason; } out[] = {
-      {TC_STAGE_SKIPPING, "what is free is in no run"},
+      {TC_STAGE_SKIPPING, "empty voxels are not stored"},
       {TC_STAGE_RAYS, "splats cast no rays"},
       {TC_STAGE_COHERENCE, "splats cast no rays"},
       {TC_STAGE_JITTER, "splats cast no rays"},
@@ -318,7 +318,7 @@ static void say_splats(const teller *t) {
   say(t, TC_STAGE_GRADIENT, t->plan->key.shading != 0,
       t->plan->key.shading ? "shading.model is %s: normals kept with the splats" : "shading.model is %s",
       tc_shading_names[s->shading.model]);
-  char which[64] = "voxels of the labels that show";
+  char which[64] = "voxels of the visible labels";
   if (!t->plan->key.labels)
     snprintf(which, sizeof which, "voxels of %.6g to %.6g", s->splat.threshold[0], s->splat.threshold[1]);
   say(t, TC_STAGE_SPLATS, true, "%s as runs; %s, kernel of %.3g voxels; %s", which, s->splat.opaque ? "surface as splats" : "all as splats, in sheets", s->splat.kernel_radius,
@@ -337,7 +337,7 @@ static void say_mode(const teller *t) {
     snprintf(reason, sizeof reason, "mode %s reads the window, not the transfer function", mode);
     say_no_tables(t, reason);
     say(t, TC_STAGE_GRADIENT, false, "mode %s is not shaded", mode);
-    say(t, TC_STAGE_TERMINATION, false, "mode %s ends rays where no other grey can follow", mode);
+    say(t, TC_STAGE_TERMINATION, false, "mode %s ends rays when their grey is final", mode);
     return;
   }
   say_gradient(t);

@@ -270,7 +270,7 @@ static void explain_error(const tc_quality_model *m, const tc_scene *scene, cons
   say(choice,
       choice->holds ? "step %.3g: an rms error up to %.2g is expected, %s of %d measured views; the next coarser is "
                       "over %.2g"
-                    : "step %.3g: the least error to be had is %.2g, %s of %d measured views; no step holds %.2g",
+                    : "step %.3g: the smallest achievable error is %.2g, %s of %d measured views; no step holds %.2g",
       choice->step, choice->rms, choice->near ? "by those near" : "by the worst", m->n, scene->quality.max_error);
   if (choice->holds && other->holds)
     say(choice, "; %s would need %.3g", name_of(choice->classification != TC_PREINTEGRATED2),
@@ -303,7 +303,7 @@ static void choose_blindly(const tc_quality_model *m, const tc_quality_cost *cos
   }
   choice->step = fmin(CAREFUL * stretch, CAREFUL_OF_MANY) / stretch;
   choice->termination = termination_for(scene->quality.max_error);
-  snprintf(choice->reason, sizeof choice->reason, "nothing is measured of this look yet: a careful step of %g voxels",
+  snprintf(choice->reason, sizeof choice->reason, "no measurement of this look yet: a conservative step of %g voxels",
            choice->step);
 }
 

@@ -167,7 +167,7 @@ static void end_boxing(tc_boxes *boxes) {
 }
 
 static bool say_no_memory(GError **error) {
-  tc_set_error(error, TC_ERROR_MEMORY, NULL, "boxes of what shows: out of memory");
+  tc_set_error(error, TC_ERROR_MEMORY, NULL, "occupied boxes: out of memory");
   return false;
 }
 

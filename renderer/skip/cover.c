@@ -252,7 +252,7 @@ bool tc_cover_fill(tc_cover *c, const tc_boxes *boxes, const tc_volume *volume, 
   cover_job job = {.cover = c, .boxes = boxes};
   if (!project(&job.p, rays, tc_volume_describe(volume)->dims)) {
     tc_set_error(error, TC_ERROR_INVALID, "/camera",
-                 "camera: its rays cannot be told apart; move it nearer or widen its view");
+                 "camera: its rays coincide in double precision; move the camera closer or widen the field of view");
     return false;
   }
   choose_slots(c, &job.p, rays, volume);

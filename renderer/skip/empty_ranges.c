@@ -36,7 +36,7 @@ bool tc_empty_ranges_init(tc_empty_ranges *ranges, const tc_support *s, tc_voxel
   ranges->voxels = values ? malloc(values) : NULL;
   if ((!surface && !ranges->nodes) || (values && !ranges->voxels)) {
     tc_empty_ranges_finish(ranges);
-    tc_set_error(error, TC_ERROR_MEMORY, NULL, "ranges of values that show nothing: out of memory");
+    tc_set_error(error, TC_ERROR_MEMORY, NULL, "empty ranges of values: out of memory");
     return false;
   }
   if (!surface) find_ranges(ranges, s);

@@ -43,7 +43,7 @@ static tc_renderer *open_variant(const char *isa) {
   const tc_renderer_options options = {.backend = TC_BACKEND_CPU, .isa = isa};
   g_autoptr(GError) error = NULL;
   tc_renderer *r = tc_renderer_new(&options, &error);
-  if (!r && !strstr(error->message, "this processor has no")) fail_msg("%s", error->message);
+  if (!r && !strstr(error->message, "this processor does not support")) fail_msg("%s", error->message);
   return r;
 }
 

@@ -429,13 +429,13 @@ TEST(the_plan_says_why) {
     if (!strstr(plan.stages[TC_STAGE_COHERENCE].reason, part_of_reason))                                             \
       fail_msg("\"%s\" lacks \"%s\"", plan.stages[TC_STAGE_COHERENCE].reason, part_of_reason);                       \
   } while (0)
-  COHERENT(test_scene_knots(&scene, TC_KNOT_OPACITY, part, 2), false, "one ray a pixel");
+  COHERENT(test_scene_knots(&scene, TC_KNOT_OPACITY, part, 2), false, "one ray per pixel");
   assert_false(plan.key.rays || plan.stages[TC_STAGE_RAYS].included);
   COHERENT(scene.sampling.rays_per_pixel = 4, true, "voxels around");
   assert_true(plan.key.rays && plan.stages[TC_STAGE_RAYS].included);
   const double *spacing = tc_volume_describe(volume)->spacing;
   assert_true(fabs(plan.step_mm - 4 * fmin(spacing[0], fmin(spacing[1], spacing[2]))) < 1e-12);
-  COHERENT(scene.skipping.mode = TC_SKIPPING_OFF, false, "skipping is out");
+  COHERENT(scene.skipping.mode = TC_SKIPPING_OFF, false, "skipping is off");
   COHERENT(scene.skipping.mode = TC_SKIPPING_AUTO, true, "voxels around");
   COHERENT(scene.image.width = scene.image.height = 6, false, "more than");
   COHERENT((scene.image.width = scene.image.height = 64, scene.camera.fov_y_deg = 179), false, "more than");
@@ -443,7 +443,7 @@ TEST(the_plan_says_why) {
   COHERENT(scene.mode = TC_MODE_MIP, false, "no empty space");
   COHERENT((scene.mode = TC_MODE_DVR, scene.sampling.coherence = false), false, "is off");
   scene.sampling.coherence = scene.sampling.jitter = true;
-  COHERENT(test_scene_knots(&scene, TC_KNOT_OPACITY, full, 1), false, "nothing is known to be empty");
+  COHERENT(test_scene_knots(&scene, TC_KNOT_OPACITY, full, 1), false, "skipping is off");
   assert_true(plan.key.jitter && plan.stages[TC_STAGE_JITTER].included);
   COHERENT((scene.mode = TC_MODE_MIP, scene.window.width = 1), false, "no empty space");
   assert_false(plan.key.jitter || plan.stages[TC_STAGE_JITTER].included);

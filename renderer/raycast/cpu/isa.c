@@ -77,7 +77,7 @@ const tc_cpu_isa *tc_cpu_isa_choose(const char *wanted, GError **error) {
     if (wanted && strcmp(wanted, isas[i].name)) continue;
     if (!isa_runs(&isas[i])) {
       if (!wanted) continue;
-      tc_set_error(error, TC_ERROR_INVALID, NULL, "this processor has no %s: choose another or none", wanted);
+      tc_set_error(error, TC_ERROR_INVALID, NULL, "this processor does not support %s: choose another instruction set, or none", wanted);
       return NULL;
     }
     bool two = !wanted && i > 0 && !strcmp(isas[i].instructions, isas[i - 1].instructions);

@@ -24,7 +24,7 @@ void tc_gl_builder_make(tc_gl_builder *builder, tc_table_builder wanted, const t
     return;
   }
   if (wanted == TC_TABLES_AUTO && !report->hardware) { /* measured on two cores: OpenGL takes ten times as long */
-    builder->why = "built by the cpu: opengl is software here, and slower at it";
+    builder->why = "built by the cpu: OpenGL runs in software here and would be slower";
     return;
   }
   builder->why = wanted == TC_TABLES_GL ? "built by opengl: asked for" : "built by opengl: nothing is uploaded to the GPU";
@@ -33,7 +33,7 @@ void tc_gl_builder_make(tc_gl_builder *builder, tc_table_builder wanted, const t
   glGetIntegerv(GL_MAX_TEXTURE_BUFFER_SIZE, &builder->most_entries);
   if (builder->blocks && builder->windows && report->max_ssbo_bytes >= LARGEST_BLOCK) return;
   tc_gl_builder_clear(builder);
-  builder->why = "built by the cpu: the GPU's driver takes no program that does";
+  builder->why = "built by the cpu: the GPU's driver rejects the program";
 }
 
 void tc_gl_builder_clear(tc_gl_builder *builder) {
@@ -48,7 +48,7 @@ bool tc_gl_builder_serves(const tc_gl_builder *builder, int n, int n_subtables, 
   if (bits) *why = "built by the cpu, which also rounds its entries";
   int64_t rows = 2 * (int64_t)n + 4, subtable = (2 * TC_SUBTABLE_NODES + 4) * (TC_SUBTABLE_NODES + 2);
   bool fits = rows * (n + 1) + n_subtables * subtable <= builder->most_entries;
-  if (!fits) *why = "built by the cpu: no buffer texture of this device holds it";
+  if (!fits) *why = "built by the cpu: the table exceeds this device's buffer textures";
   return fits && !bits;
 }
 
