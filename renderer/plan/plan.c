@@ -129,7 +129,9 @@ static void plan_projection(tc_plan *plan, const tc_volume *volume, const tc_sce
   plan->grey = tc_grey_make(request->field ? request->field : volume, s);
   plan_gaps(plan, volume);
   if (plan->key.labels) return; /* gaps: a block without a greater value may hold a ray's first visible sample */
-  if (s->skipping.mode == TC_SKIPPING_AUTO && s->mode != TC_MODE_AVERAGE) plan_skipping(plan, s, TC_RESOURCE_BOUNDS);
+  if (s->skipping.mode != TC_SKIPPING_AUTO || s->mode == TC_MODE_AVERAGE) return;
+  plan_skipping(plan, s, TC_RESOURCE_BOUNDS);
+  if (!s->skipping.block && !request->maps_distance) plan->block = TC_SKIP_BLOCK_BOUNDS;
 }
 
 static void plan_isosurface(tc_plan *plan, const tc_volume *volume, const tc_scene *s, const tc_plan_request *request) {

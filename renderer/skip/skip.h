@@ -19,6 +19,7 @@
 /* Default width of a block in voxels. Small blocks fit more tightly around what is visible; at 5, minimum, maximum
  * and distance still take less than 3 % of the voxel bytes. */
 #define TC_SKIP_BLOCK 5
+#define TC_SKIP_BLOCK_BOUNDS 4 /* of projections on the cpu: minimum, maximum and level take less than 5 % */
 
 /* The block width for a scene's skipping.block: 0 is the default, others are clamped to 2..128. */
 int tc_skip_block(int block);

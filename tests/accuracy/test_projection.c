@@ -426,7 +426,7 @@ TEST(skipping_pays) {
   double bytes = (double)plan.stages[TC_STAGE_SKIPPING].bytes / (double)tc_volume_bytes(v);
   printf("  %.3f of the samples, structure %.2f %% of the voxel bytes\n", (double)on / (double)off, 100 * bytes);
   assert_true((double)on < (real ? 0.5 : 1) * (double)off); /* the generated ones are thick and fill their box */
-  assert_true(bytes < 0.03);
+  assert_true(bytes < 0.05); /* of blocks 4 voxels wide: 3 bytes for 64 of a byte each */
   assert_true(render(0, v, &s, NULL)->stats.skip_ms == 0); /* a second frame builds nothing */
 }
 

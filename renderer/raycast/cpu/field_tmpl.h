@@ -80,7 +80,14 @@ V_INLINE corners gather_corners(const tc_cpu_args *args, int type, vi off) {
   return c;
 }
 
-#ifdef V_NEAR
+#ifndef V_NEAR /* an instruction set without neighbourhoods */
+#define V_NEAR_U8 4
+#define V_NEAR_I8 4
+#define V_NEAR_U16 4
+#define V_NEAR_I16 4
+#define V_NEAR_F32 4
+#endif
+
 /* Voxels along x in a neighbourhood: 4 or 8. */
 V_INLINE int near_width(int type) {
   switch (type) {
@@ -92,6 +99,7 @@ V_INLINE int near_width(int type) {
   }
 }
 
+#ifdef V_NEAR
 #define NEAR_CORNERS(name, NAME, type)                                                                                \
   V_INLINE corners near_corners_##name(const type *voxels, ptrdiff_t row, ptrdiff_t slice, vi at) {                   \
     const v_near_##name n = v_near_load_##name(voxels, row, slice);                                                   \

@@ -12,10 +12,9 @@
 typedef struct march {
   ptrdiff_t ahead; /* offset in voxels to the position of the rays PREFETCH_STEPS later */
   bool near;       /* most steps fit a neighbourhood */
-  float lo[3], rise[3]; /* at step i, lo + i rise bounds the lanes' positions from below, along each axis */
+  float lo[3], rise[3], width[3]; /* at step i, the lanes lie from lo + i rise to width beyond, along each axis */
 } march;
 
-#ifdef V_NEAR
 V_INLINE float v_most(vf a) { return 0 - v_least(v_set(0) - a); }
 
 /* Sets p->delay: the whole steps that level the lanes, or 0 if that would make the packet's march much longer. */
@@ -28,9 +27,9 @@ V_INLINE void level_lanes(const tc_cpu_args *args, packet *p) {
   p->most_delay = v_most(delay);
 }
 
-/* Bounds the lanes' positions from below (m->lo, m->rise). Each lane's position is linear in the step, so the minimum
- * over the lanes is concave and lies above the chord from the packet's first step to its last. Returns the expected
- * number of neighbourhoods per step. */
+/* Bounds the lanes' positions (m->lo, m->rise, m->width). Each lane's position is linear in the step, so the minimum
+ * over the lanes is concave and lies above the chord from the packet's first step to its last; the maximum lies below
+ * its chord. Returns the expected number of neighbourhoods per step. */
 V_INLINE float bound_lanes(const tc_cpu_args *args, variant v, const packet *p, march *m) {
   vf far = v_set(1e9f);
   float steps = 1 + v_most(v_fma(p->length, v_set(args->rays.inverse_step), p->delay)), parts = 1;
@@ -42,15 +41,15 @@ V_INLINE float bound_lanes(const tc_cpu_args *args, variant v, const packet *p, 
     float width = v_most(v_select(p->live, begin, v_set(0) - far)) - lo;
     float width_end = v_most(v_select(p->live, end, v_set(0) - far)) - lo_end;
     if (width < width_end) width = width_end;
-    const float cells = (float)(k ? 3 : near_width(v.type) - 1);
+    const float cells = (float)(k ? 4 : near_width(v.type)) - 1;
     if (width > cells - 1) parts *= (width + 1) / cells;
     if (args->grid.last[k] < cells) parts = 1e9f;
     m->lo[k] = lo;
     m->rise[k] = (lo_end - lo) / steps;
+    m->width[k] = width;
   }
   return parts;
 }
-#endif
 
 /* Offset in voxels between a ray's position and its position `steps` later. */
 V_INLINE ptrdiff_t steps_ahead(const tc_cpu_args *args, const packet *p, int steps) {

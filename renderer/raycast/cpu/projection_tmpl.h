@@ -7,6 +7,7 @@
 
 #define LEAST_INTERVALS 4  /* shorter rays gain nothing from skipping */
 #define MOST_INTERVALS 128 /* intervals ranked together */
+#define LEAST_SAMPLES 4    /* of an interval that one look-up serves for all lanes */
 #define LONGEST_WAIT 31    /* packets */
 
 V_INLINE void update_backoff(skip_backoff *backoff, int skipped, int all) {
@@ -28,19 +29,13 @@ V_INLINE vf4 grey_of(const tc_cpu_args *args, vf w, vm met) {
   return (vf4){grey, grey, grey, v_select(met, v_set(1), v_set(0))};
 }
 
-/* Levels (skip/bounds.h) of the blocks at t mm along the rays. */
-V_INLINE vf level_at(const tc_cpu_args *args, const packet *p, vf t) {
-  const spot s = spot_at(args, p, t);
+/* Levels (skip/bounds.h) of the blocks that cells are in. */
+V_INLINE vf levels_of(const tc_cpu_args *args, const vi cell[3]) {
   vi block[3];
   for (int k = 0; k < 3; k++) /* the half keeps rounding away from edges */
-    block[k] = v_trunc((v_float(s.cell[k]) + v_set(0.5f)) * v_set(args->blocks.inverse_width));
+    block[k] = v_trunc((v_float(cell[k]) + v_set(0.5f)) * v_set(args->blocks.inverse_width));
   vi off = v_addi(v_muli(block[2], v_seti(args->blocks.slice)), v_muli(block[1], v_seti(args->blocks.row)));
   return v_float(v_bytes(args->blocks.values, v_addi(off, block[0])));
-}
-
-/* The middle of the interval that begins at sample i, in mm. */
-V_INLINE vf interval_middle(const tc_cpu_args *args, int i) {
-  return v_set(((float)i + 0.5f * (float)(args->interval - 1)) * args->rays.step_mm);
 }
 
 /* A ray's greatest sample, and its position in mm; the first of several equal ones. */
@@ -86,56 +81,98 @@ V_INLINE vf risen(const tc_cpu_args *args, const peak *have) {
   return (have->best - v_set(args->grey.floor)) * v_set(args->level_scale);
 }
 
-/* Takes the samples of each chosen ray's interval that begins at sample `from`, at the positions of a march. */
-V_INLINE void sample_interval(const tc_cpu_args *args, variant v, const packet *p, const march *m, vf from, vm chosen,
-                              peak *have, tc_cpu_counts *counts) {
-  for (int j = 0; j < args->interval; j++) {
-    vf sample = from + v_set((float)j), t = v_min(sample * v_set(args->rays.step_mm), p->length);
-    chosen = m_and(chosen, v_lt((sample - v_set(1)) * v_set(args->rays.step_mm), p->length));
-    chosen = m_and(chosen, v_lt(have->best, v_set(args->grey.stop)));
-    if (!keep_marching(args, chosen, counts, j)) break;
-    raise_peak(args, v, p, march_voxel(args, v, p, m, 0, t, chosen, NULL) * v_set(args->grey.sign), t, chosen, have);
-    counts->samples += (uint64_t)m_count(chosen);
+/* How many consecutive samples of all lanes lie within a block's width of one point. The sample before them counts too,
+ * because a ray's end lies between two steps. */
+V_INLINE int packet_interval(const tc_cpu_args *args, const march *m) {
+  float most = 1e6f;
+  for (int k = 0; k < 3; k++) {
+    const float room = 2 * (args->blocks.width - 0.02f) - m->width[k], rise = fabsf(m->rise[k]);
+    if (room < most * rise) most = room / rise;
+  }
+  return most < 0 ? 0 : (int)most;
+}
+
+/* Levels of V_LANES intervals of a packet, from sample `first` on: those around the middles of what they cover. */
+V_INLINE vf levels_of_packet(const tc_cpu_args *args, const march *m, int first, int interval) {
+  vf number = v_fma(v_lane_y(), v_set(V_PACKET_X), v_lane_x());
+  vf middle = v_fma(number, v_set((float)interval), v_set((float)first - 1 + 0.5f * (float)interval));
+  vi cell[3];
+  for (int k = 0; k < 3; k++) {
+    vf q = v_fma(middle, v_set(m->rise[k]), v_set(m->lo[k] + 0.5f * m->width[k]));
+    cell[k] = v_mini(v_trunc(v_max(v_min(q, v_set(args->grid.last[k])), v_set(0))), v_seti(args->grid.cell_last[k]));
+  }
+  return levels_of(args, cell);
+}
+
+/* The same of one interval of a wide packet: the highest level of its lanes. */
+V_INLINE float level_of_lanes(const tc_cpu_args *args, const packet *p, vm live, int first,
+                              int interval) {
+  vf middle = v_set((float)first - 1 + 0.5f * (float)interval) - p->delay;
+  const spot s = spot_at(args, p, middle * v_set(args->rays.step_mm));
+  return v_most(v_select(live, levels_of(args, s.cell), v_set(0)));
+}
+
+/* The chosen lanes' samples from number `first` on: those that a march would take. */
+V_INLINE void sample_interval(const tc_cpu_args *args, variant v, const packet *p, const march *m, int first,
+                              int interval, vm chosen, peak *have, tc_cpu_counts *counts) {
+  const vf step = v_set(args->rays.step_mm), stop = v_set(args->grey.stop);
+  for (int i = first; i < first + interval; i++) {
+    vf t = (v_set((float)i) - p->delay) * step, before = (v_set((float)(i - 1)) - p->delay) * step;
+    chosen = m_and(chosen, m_and(v_lt(before, p->length), v_lt(have->best, stop)));
+    if (!keep_marching(args, chosen, counts, i - first)) break;
+    const vm active = m_and(chosen, v_le(v_set(0), t));
+    if (!m_any(active)) continue;
+    t = v_min(t, p->length);
+    raise_peak(args, v, p, march_voxel(args, v, p, m, i, t, active, NULL) * v_set(args->grey.sign), t, active, have);
+    counts->samples += (uint64_t)m_count(active);
   }
 }
 
-/* Each ray samples its intervals in order of descending level, until no level is above its maximum. `levels`: of n
- * intervals from sample `first` on; overwritten. Returns the number of rounds. */
-V_INLINE int climb(const tc_cpu_args *args, variant v, const packet *p, const march *m, int first, vf *levels, int n,
-                   vm live, peak *have, tc_cpu_counts *counts) {
-  vf last = v_set(-1);
-  for (int visits = 0;; visits++) {
-    vf highest = risen(args, have), at = v_set(-1);
-    for (int k = 0; k < n; k++) {
-      vf number = v_set((float)k);
-      levels[k] = v_select(v_eq(last, number), v_set(-1), levels[k]);
-      vm higher = v_lt(highest, levels[k]);
-      highest = v_select(higher, levels[k], highest);
-      at = v_select(higher, number, at);
+/* The packet samples its interval of the highest level first, then the next, until none is above any lane's maximum.
+ * levels: of n intervals from sample `first` on. Returns how many were sampled. */
+V_INLINE int climb(const tc_cpu_args *args, variant v, const packet *p, const march *m, int first, int interval,
+                   const float *levels, int n, vm live, peak *have, tc_cpu_counts *counts) {
+  uint8_t head[256] = {0}, next[MOST_INTERVALS]; /* intervals of each level, numbered from 1, as lists that end in 0 */
+  int visits = 0, highest = 0;
+  for (int k = n; k-- > 0;) {
+    const int level = (int)levels[k];
+    next[k] = head[level];
+    head[level] = (uint8_t)(k + 1);
+    highest = level > highest ? level : highest;
+  }
+  for (int level = highest; level > 0; level--)
+    for (int k = head[level]; k; k = next[k - 1], visits++) {
+      const vm chosen = m_and(live, v_lt(risen(args, have), v_set((float)level)));
+      if (!m_any(chosen)) return visits;
+      sample_interval(args, v, p, m, first + (k - 1) * interval, interval, chosen, have, counts);
+      if (counts->left) return visits;
     }
-    vm chosen = m_and(m_and(live, v_le(v_set(0), at)), v_lt(have->best, v_set(args->grey.stop)));
-    if (!keep_marching(args, chosen, counts, visits)) return visits;
-    sample_interval(args, v, p, m, v_set((float)first) + at * v_set((float)args->interval), chosen, have, counts);
-    last = at;
-  }
+  return visits;
 }
 
-/* Empty-space skipping: skips intervals of samples that cannot raise a ray's maximum, and takes the others in order of
- * descending level, because a high maximum early rules out most of the rest. */
-V_INLINE void climb_all(const tc_cpu_args *args, variant v, const packet *p, vm live, peak *have, skip_backoff *backoff,
+/* Empty-space skipping: intervals of samples that cannot raise a ray's maximum are left out, and the others are taken
+ * best first, because a high maximum leaves out most of the rest. */
+V_INLINE void climb_all(const tc_cpu_args *args, variant v, packet *p, vm live, peak *have, skip_backoff *backoff,
                         tc_cpu_counts *counts) {
-  vf levels[MOST_INTERVALS];
-  const march m = {.ahead = steps_ahead(args, p, PREFETCH_STEPS / 2)};
-  int n = MOST_INTERVALS, all = 0, visits = 0;
-  for (int i = 0; n == MOST_INTERVALS; all += n) {
-    int first = i;
-    for (n = 0; n < MOST_INTERVALS; n++, i += args->interval) {
-      vm inside = m_and(live, v_lt(v_set((float)(i - 1) * args->rays.step_mm), p->length));
-      if (!keep_marching(args, inside, counts, n)) break;
-      levels[n] = v_select(inside, level_at(args, p, interval_middle(args, i)), v_set(-1));
+  float levels[MOST_INTERVALS];
+  march m = {.ahead = steps_ahead(args, p, PREFETCH_STEPS / 2)};
+  level_lanes(args, p);
+  const float parts = bound_lanes(args, v, p, &m);
+  m.near = args->near && v.filter == TC_FILTER_LINEAR && parts <= MOST_NEIGHBOURHOODS;
+  const int of_packet = packet_interval(args, &m);
+  const bool narrow = of_packet >= LEAST_SAMPLES;
+  const int interval = narrow ? of_packet : args->interval - 1;
+  const int samples = 2 + (int)v_most(v_fma(p->length, v_set(args->rays.inverse_step), p->delay));
+  int all = 0, visits = 0;
+  for (int first = 0, n; first < samples && !counts->left; first += n * interval, all += n) {
+    n = (samples - first + interval - 1) / interval;
+    if (n > MOST_INTERVALS) n = MOST_INTERVALS;
+    for (int k = 0; k < n; k += narrow ? V_LANES : 1) {
+      const int from = first + k * interval;
+      if (narrow) v_store(&levels[k], levels_of_packet(args, &m, from, interval));
+      else levels[k] = level_of_lanes(args, p, live, from, interval);
     }
-    visits += climb(args, v, p, &m, first, levels, n, live, have, counts);
-    if (counts->left) return;
+    visits += climb(args, v, p, &m, first, interval, levels, n, live, have, counts);
   }
   counts->leaps += (uint64_t)(all > visits ? all - visits : 0);
   update_backoff(backoff, all - visits, all);
@@ -148,7 +185,7 @@ V_INLINE void cast_extreme(const tc_cpu_args *args, variant v, const place *at_p
   peak have = {floor, v_set(-1), v_lt(floor, floor)};
   vm live = p.live;
   counts->rays += (uint64_t)m_count(live);
-  bool look = v.leap && backoff->wait == 0;
+  bool look = v.leap && args->interval > 1 && backoff->wait == 0;
   if (v.leap && backoff->wait) backoff->wait--;
   if (look && args->grey.sign < 0 && m_any(live)) { /* MinIP through air is finished by its first sample */
     raise_peak(args, v, &p, sample_voxel(args, v, &p, v_set(0)) * v_set(args->grey.sign), v_set(0), live, &have);
