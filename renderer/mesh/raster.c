@@ -41,6 +41,10 @@ typedef struct drawing {
   size_t *first;        /* [tiles + 1]: of a tile's list */
   uint32_t *lists;
   size_t longest;
+  struct tile_work {
+    size_t clusters;
+    int tile;
+  } *work; /* [tiles], the most clusters first: no thread begins a long tile when the others are done */
   worker *workers;
   atomic_int drawn;     /* tiles */
   atomic_bool left;     /* some tile was not drawn to the end */
@@ -139,6 +143,17 @@ static size_t sum_places(drawing *d) {
   }
   d->first[d->n_tiles] = all;
   return all;
+}
+
+static int by_clusters(const void *a, const void *b) {
+  const struct tile_work *x = a, *y = b;
+  if (x->clusters != y->clusters) return x->clusters > y->clusters ? -1 : 1;
+  return x->tile - y->tile;
+}
+
+static void order_tiles(drawing *d) {
+  for (int t = 0; t < d->n_tiles; t++) d->work[t] = (struct tile_work){d->first[t + 1] - d->first[t], t};
+  qsort(d->work, (size_t)d->n_tiles, sizeof *d->work, by_clusters);
 }
 
 /* ---- tiles ---- */
@@ -464,8 +479,9 @@ static void emit_rows(drawing *d, worker *w, int tile) {
 }
 
 /* However late it is, a call draws a tile, or some rows of one. */
-static void draw_tile(void *context, int tile, int number) {
+static void draw_tile(void *context, int turn, int number) {
   drawing *d = context;
+  const int tile = d->work[turn].tile;
   worker *w = &d->workers[number];
   const int from = d->job->finished ? d->job->finished[tile] : 0;
   if (from == TC_RASTER_SIDE) return;
@@ -516,11 +532,13 @@ static bool draw_all(drawing *d, GError **error) {
   d->sights = malloc((n + 1) * sizeof *d->sights);
   d->places = calloc((size_t)d->n_chunks * (size_t)d->n_tiles + 1, sizeof *d->places);
   d->first = malloc(((size_t)d->n_tiles + 1) * sizeof *d->first);
-  if (!d->workers || !d->sights || !d->places || !d->first) goto no_memory;
+  d->work = malloc(((size_t)d->n_tiles + 1) * sizeof *d->work);
+  if (!d->workers || !d->sights || !d->places || !d->first || !d->work) goto no_memory;
   if (!tc_pool_run(d->job->pool, d->n_chunks, sight_chunk, d)) return tc_halt_say(halt, error);
   d->lists = malloc((sum_places(d) + 1) * sizeof *d->lists);
   if (!d->lists || !begin_workers(d)) goto no_memory;
   if (!tc_pool_run(d->job->pool, d->n_chunks, list_chunk, d)) return tc_halt_say(halt, error);
+  order_tiles(d);
   const bool all = tc_pool_run(d->job->pool, d->n_tiles, draw_tile, d);
   if (atomic_load(&d->no_memory)) goto no_memory;
   return (all && !atomic_load(&d->left)) || tc_halt_say(halt, error);
@@ -556,6 +574,7 @@ bool tc_raster_draw(const tc_raster_job *job, tc_raster_counts *counts, GError *
   free(d.sights);
   free(d.places);
   free(d.first);
+  free(d.work);
   free(d.lists);
   return drawn;
 }
