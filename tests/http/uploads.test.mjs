@@ -53,7 +53,7 @@ test('an upload slower than the rate is closed with 408, a fast one is not', asy
   const flow = setInterval(() => fast.write(Buffer.alloc(1500)), 250);
   await slow.gone;
   clearInterval(drip);
-  assert.match(slow.text, /^HTTP\/1\.1 408 [^]*Content-Security-Policy: default-src[^]*problem:slow.*least rate; \/v1\/about has it"\}$/);
+  assert.match(slow.text, /^HTTP\/1\.1 408 [^]*Content-Security-Policy: default-src[^]*problem:slow.*minimum rate, which \/v1\/about shows"\}$/);
   assert.ok(Date.now() - began < 15000);
   await sleep(1000);
   assert.equal(fast.text, '');
