@@ -1,8 +1,8 @@
 /* A mesh cut into clusters of neighbouring triangles: what the rasteriser (raster.h) draws.
  *
  * Triangles are sorted along a Morton curve through their middles and cut where a cluster is full, so that a cluster is
- * compact: one test of its sphere leaves out all of its triangles where they are outside the view or hidden, one of its
- * cone where all of them face away. Within a cluster vertices are numbered by bytes, which is less than the 16 bits of
+ * compact: one test of its sphere culls all of its triangles when they are outside the view or occluded, one test of its
+ * cone when all of them face away. Within a cluster vertices are numbered by bytes, which is less than the 16 bits of
  * an index buffer (Knigavko and Avrunin) and needs no more than its own vertices in the cache. About 15 bytes a
  * triangle, 18 with colours; the mesh it was made from is not needed any more. Immutable; any thread may read it. */
 #ifndef TC_MESH_CLUSTERS_H
@@ -19,9 +19,9 @@ typedef struct tc_cluster {
   float centre[3], radius; /* sphere about its vertices, relative to the mesh's origin */
   float axis[3], spread;   /* unit; every normal is within asin(spread) of it; spread 2: in any direction */
   uint32_t vertex;         /* its first; a multiple of TC_CLUSTER_PAD */
-  uint32_t triangle;       /* its first; likewise */
+  uint32_t triangle;       /* its first; a multiple of TC_CLUSTER_PAD */
   uint8_t n_vertices, n_triangles;
-  uint16_t part; /* number of it in tc_clusters.parts */
+  uint16_t part; /* index into tc_clusters.parts */
   uint32_t group : 30, level : 2; /* drawn where the group is shown at this level of detail (levels.h); 0: full detail */
 } tc_cluster;
 
@@ -45,7 +45,7 @@ typedef struct tc_mesh_source {
 typedef struct tc_part {
   tc_mesh_source of; /* of.mesh NULL */
   size_t first, n;   /* clusters */
-  bool colored; /* its vertices have colours; of one without them those in tc_clusters.colors are not read */
+  bool colored; /* its vertices have colours; otherwise its entries of tc_clusters.colors are not read */
   bool closed;       /* every edge has two triangles and normals point outwards: back faces are invisible from outside */
 } tc_part;
 
