@@ -13,9 +13,9 @@ enum {
   TC_RASTER_BATCH = 256 /* fragments that are shaded together */
 };
 
-#define TC_RASTER_NOTHING UINT32_MAX /* number of no triangle; others are TC_CLUSTER_TRIANGLES * cluster + its own */
+#define TC_RASTER_NOTHING UINT32_MAX /* no triangle; a triangle's id is TC_CLUSTER_TRIANGLES * cluster + its number there */
 
-/* A frame's constants. Fixed-point numbers are whole numbers held as floats: exact. */
+/* Constants of a frame. Fixed-point numbers are integers held in floats, which is exact. */
 typedef struct tc_raster_frame {
   const tc_clusters *mesh;
   const tc_mesh_view *view;
@@ -40,7 +40,7 @@ typedef struct tc_raster_layer {
 } tc_raster_layer;
 
 typedef struct tc_raster_layers {
-  size_t n, room; /* n > room: so many would have been kept */
+  size_t n, room; /* n > room: the list was too short and n are needed */
   tc_raster_layer *of;
 } tc_raster_layers;
 
@@ -48,25 +48,25 @@ typedef struct tc_raster_tile {
   int x0, y0, width, height;
   float *near;   /* [samples][TC_RASTER_SIDE][TC_RASTER_SIDE] and a vector more; -INFINITY: nothing */
   uint32_t *id;  /* likewise */
-  float *far;    /* [TC_RASTER_BLOCKS^2] least nearness of a block, where it is not stale */
+  float *far;    /* [TC_RASTER_BLOCKS^2] smallest nearness of each block, unless it is stale */
   uint64_t stale;
-  bool one_sided; /* of the cluster that is drawn */
-  tc_raster_layers *layers; /* NULL: it is opaque; else what is nearer than that is added here */
+  bool one_sided; /* of the cluster being drawn */
+  tc_raster_layers *layers; /* NULL: the cluster is opaque; otherwise its samples nearer than the opaque ones are added here */
 } tc_raster_tile;
 
-/* What is to be shaded, and what comes of it. */
+/* A batch of fragments: inputs of shading and its results. */
 typedef struct tc_raster_fragments {
   int n;
   uint32_t id[TC_RASTER_BATCH];
-  int pixel[TC_RASTER_BATCH];   /* of the tile */
-  float share[TC_RASTER_BATCH]; /* of its samples */
+  int pixel[TC_RASTER_BATCH];   /* index in the tile */
+  float share[TC_RASTER_BATCH]; /* share of the pixel's samples */
   float x[TC_RASTER_BATCH], y[TC_RASTER_BATCH]; /* pixels of the picture */
   float color[3][TC_RASTER_BATCH], depth[TC_RASTER_BATCH];
-  int n_colored; /* of those for which colours of vertices were looked up */
+  int n_colored; /* fragments that fetched vertex colours */
 } tc_raster_fragments;
 
 struct tc_raster_kernels {
-  /* Draws a cluster into the tile; planes: bits of those that may cut it. */
+  /* Draws a cluster into the tile; planes: bits of the clip planes that may cut it. */
   void (*draw)(const tc_raster_frame *frame, tc_raster_tile *tile, uint32_t cluster, uint32_t planes,
                tc_raster_counts *counts);
   void (*shade)(const tc_raster_frame *frame, tc_raster_fragments *fragments);
