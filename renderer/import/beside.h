@@ -1,4 +1,4 @@
-/* Files beside an input: what a header may name, and who opens it. */
+/* Data files that a header names: which names are allowed, and their opening by the daemon. */
 #ifndef TC_IMPORT_BESIDE_H
 #define TC_IMPORT_BESIDE_H
 
@@ -6,8 +6,8 @@
 
 #include "renderer/base/error.h"
 
-/* Opens a regular file in the folder, for reading: a relative name without "..", never outside the folder but by
- * a link to a link root (links.h). -1 with an error that quotes the name. */
+/* Opens a regular file in the folder for reading. The name is relative and without ".."; only a symbolic link into a link root
+ * (links.h) may lead outside the folder. Returns -1 with an error that quotes the name. */
 int tc_beside_open(int folder_fd, const char *name, GError **error);
 
 #endif

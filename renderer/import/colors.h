@@ -1,4 +1,4 @@
-/* RGB on its way into a volume: voxels become their luma, and the colours stay beside them (tc_volume_colors). */
+/* Import of RGB volumes: voxels become their luma, and a palette volume keeps the colours (tc_volume_colors). */
 #ifndef TC_IMPORT_COLORS_H
 #define TC_IMPORT_COLORS_H
 
@@ -6,14 +6,14 @@
 
 typedef struct tc_colors tc_colors;
 
-/* Of a u8 volume that is not sealed and outlives this. TC_ERROR_MEMORY. */
+/* volume: u8, not sealed, outlives the result. TC_ERROR_MEMORY. */
 tc_colors *tc_colors_new(tc_volume *volume, GError **error);
 void tc_colors_free(tc_colors *colors); /* NULL is fine */
 
-/* The next bytes, r, g, b of a voxel each. False: more than the volume has. */
+/* Adds the next bytes, r, g, b of each voxel. Returns false if there are more bytes than voxels. */
 bool tc_colors_put(tc_colors *colors, const uint8_t *bytes, size_t size);
 
-/* Gives the colours to the volume; false: bytes are missing. */
+/* Attaches the colours to the volume. Returns false if bytes are missing. */
 bool tc_colors_end(tc_colors *colors);
 
 #endif

@@ -20,23 +20,23 @@
 
 #include "renderer/volume/provenance.h"
 
-/* Called now and then with 0..1; return false to cancel (TC_ERROR_CANCELLED). */
+/* Progress callback with 0..1; returning false cancels the import (TC_ERROR_CANCELLED). */
 typedef bool (*tc_progress_fn)(void *user, double fraction);
 
-/* Asked when the header is read, before a voxel is decoded: may the import hold `bytes` of memory in all? Asked again
- * where it turns out to need more or less. False, with an error, ends it. */
+/* Memory callback: called once the header is read, before any voxel is decoded, with the memory in bytes that the import needs in
+ * all, and again whenever this number changes. Returning false, with an error, ends the import. */
 typedef bool (*tc_reserve_fn)(void *user, uint64_t bytes, GError **error);
 
 typedef struct tc_import_options {
-  tc_progress_fn progress; /* NULL: none; asked at least every few MiB read or decoded */
+  tc_progress_fn progress; /* NULL: none; called at least every few MiB read or decoded */
   tc_reserve_fn reserve;   /* NULL: none */
-  tc_reserve_fn decoder;   /* NULL: none; told the memory of the helper program, several times a second */
-  void *user;              /* of all three */
-  const char *helpers;       /* folder of the helper programs; NULL: beside the running program, then PATH */
-  uint64_t max_voxel_bytes;  /* refuse larger volumes (TC_ERROR_LIMIT); 0 = no limit of its own */
-  uint32_t volume;           /* of a file of several (not DICOM), from 1; 0: what the path says, else the first */
-  bool bridge_nothing;       /* a series with a slice missing is refused (TC_ERROR_FORMAT) */
-  bool patient;              /* a list of series says whose they are and on which day; else nothing identifying */
+  tc_reserve_fn decoder;   /* NULL: none; called several times a second with the memory of the helper program */
+  void *user;              /* passed to all three callbacks */
+  const char *helpers;       /* folder of the helper programs; NULL: the running program's folder, then PATH */
+  uint64_t max_voxel_bytes;  /* larger volumes are refused (TC_ERROR_LIMIT); 0 = no limit */
+  uint32_t volume;           /* number of the volume in a file of several (not DICOM), from 1; 0: as the path says, else 1 */
+  bool bridge_nothing;       /* refuse a series with a missing slice (TC_ERROR_FORMAT) */
+  bool patient;              /* a list of series includes patient and date; otherwise nothing identifying */
   bool self_contained;       /* the file may name no other file for its voxels (TC_ERROR_FORMAT) */
 } tc_import_options;
 
@@ -45,31 +45,31 @@ tc_volume *tc_import(const char *path, const tc_import_options *options, GError 
 
 typedef struct tc_mesh tc_mesh; /* mesh/mesh.h */
 
-/* What a mesh was read from. */
+/* Facts about a mesh file. */
 typedef struct tc_mesh_file {
   char format[16];     /* "obj", "ply" or "stl" */
-  uint64_t degenerate; /* triangles that were left out: two corners in one place */
+  uint64_t degenerate; /* triangles left out because two corners coincide */
 } tc_mesh_file;
 
-/* Whether the ending of a path is that of a mesh file; what it is, its content says. */
+/* Whether a path ends like a mesh file. The content decides the format. */
 bool tc_import_names_mesh(const char *path);
 
 /* Loads the mesh PATH: .obj, .ply or .stl (each also with .gz or .bz2), recognised by content first, in mm, LPS unless a
  * comment says "SPACE=RAS". Polygons become fans; corners of an STL in one place become one vertex; normals are the
- * file's, or none. Coordinates beyond 8192 mm keep their precision through the mesh's origin. The options' limit is of the
- * mesh's bytes. `source` may be NULL. */
+ * file's, or none. Coordinates beyond 8192 mm keep their precision through the mesh's origin. options->max_voxel_bytes limits
+ * the mesh's bytes. `source` may be NULL. */
 tc_mesh *tc_import_mesh(const char *path, const tc_import_options *options, tc_mesh_file *source, GError **error);
 
 /* One volume of a DICOM series found under a path (tc_import_list). Strings are non-identifying. */
 typedef struct tc_series {
   /* label: series number and, where present, protocol-free description-free text such as "series 3" */
   char uid[72], modality[16], label[64];
-  int number;                       /* the series: what "#N" says */
+  int number;                       /* number of the series, as in "#N" */
   int files, frames, rows, columns; /* of the whole series; rows and columns of its first picture */
   int volume, slices;               /* which volume of the series, from 1, and its slices */
-  char what[48];                    /* what tells it from the series' others: "echo time 90 ms", or "" */
-  char description[64];             /* as the scanner's people wrote it, UTF-8, or "" */
-  char time[32];                    /* of day, "14:03:22"; with options.patient "2026-01-31 14:03:22"; or "" */
+  char what[48];                    /* difference from the other volumes of the series, such as "echo time 90 ms", or "" */
+  char description[64];             /* series description, UTF-8, or "" */
+  char time[32];                    /* time of day, "14:03:22"; with options.patient "2026-01-31 14:03:22"; or "" */
   char patient[128];                /* name and number, with options.patient only; else "" */
 } tc_series;
 

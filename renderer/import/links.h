@@ -1,5 +1,5 @@
-/* Where links of the operator's folders may lead outside of them: git-annex and DataLad keep files elsewhere. Links of
- * uploads lead nowhere. */
+/* Folders outside the data folder that its symbolic links may point into, since git-annex and DataLad keep files elsewhere.
+ * Links in uploads are never followed. */
 #ifndef TC_IMPORT_LINKS_H
 #define TC_IMPORT_LINKS_H
 
@@ -7,8 +7,8 @@
 
 enum { TC_LINK_ROOTS = 8 };
 
-/* Sets these folders, at most TC_LINK_ROOTS of them. Once, before anything is imported; there are none until then.
- * TC_ERROR_INVALID names one that is no folder. */
+/* Sets the folders, at most TC_LINK_ROOTS. Called once, before the first import; the default is none. TC_ERROR_INVALID names a
+ * path that is not a folder. */
 bool tc_links_set(const char *const *folders, size_t n, GError **error);
 size_t tc_links_count(void);
 const char *tc_links_root(size_t i); /* its real path */

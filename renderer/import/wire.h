@@ -1,21 +1,21 @@
-/* What the daemon and its helper say to each other over a socket pair; all numbers little-endian.
+/* Messages between the daemon and its helper over a socket pair; all numbers little-endian.
  *
  *   request  daemon to helper, first and once: tc_helper_request in its fixed form
  *   message  helper to daemon: u32 kind, u32 length, then `length` bytes
  *     list:    PROGRESS* SERIES* END                             or FAIL at any place
- *     load:    (PROGRESS|WANT|OPEN)* HEAD (VOXELS|SEGMENT|PROGRESS|OPEN)* END    or FAIL at any place; instead of HEAD, of a
- *              run-length model MODEL: the voxels are then its bytes as a .vmd that is not deflated, which the daemon
- *              reads as it would the file (splat/vmd.h)
- *     mesh:    the same with MESH for HEAD; what VOXELS carry is positions, normals, colours, triangles, as in tc_mesh
- *   reply    daemon to helper, a byte: to VOXELS that the slot is free again; to OPEN that the file comes with it as a
- *            descriptor, or that there is none
+ *     load:    (PROGRESS|WANT|OPEN)* HEAD (VOXELS|SEGMENT|PROGRESS|OPEN)* END    or FAIL at any place. A run-length model
+ *              sends MODEL instead of HEAD; VOXELS then carry the bytes of an uncompressed .vmd, which the daemon decodes
+ *              like a file (splat/vmd.h)
+ *     mesh:    as load, with MESH instead of HEAD; VOXELS carry positions, normals, colours and triangles as in tc_mesh
+ *   reply    daemon to helper, one byte: after VOXELS, the slot is free again; after OPEN, the file's descriptor comes with
+ *            the byte, or the file is missing
  *
  * Voxels travel through a small ring of slots in shared memory: the helper decodes into one slot while the daemon copies
  * the slot before it into the volume's own storage. The daemon holds the voxels once, in pages as large as any volume's,
  * and the helper cannot change them afterwards.
  *
- * The writer's side trusts the daemon; the reader's side trusts nothing: every length has a cap by kind, every number a
- * range, text becomes printable ASCII, and voxels are counted against the volume that was announced. */
+ * The helper trusts the daemon; the daemon trusts nothing: every kind of message has a maximum length, every number a
+ * range, text is reduced to printable ASCII, and voxels are counted against the announced volume. */
 #ifndef TC_IMPORT_WIRE_H
 #define TC_IMPORT_WIRE_H
 
@@ -57,7 +57,7 @@ enum {
   TC_WIRE_MESH_BYTES = 6 * 8 + 2 * 4 + 16,
 };
 
-/* FAIL with this and a tc_helper added to it: that one is to read the file, which had to be unpacked to know. */
+/* FAIL with this code plus a tc_helper: that helper has to read the file, as its unpacked content shows. */
 enum { TC_WIRE_ELSEWHERE = 100 };
 
 /* A mesh before its arrays. */
@@ -71,14 +71,14 @@ typedef struct tc_mesh_head {
 /* Replies. */
 enum { TC_WIRE_FREE = 'v', TC_WIRE_FILE = 'f', TC_WIRE_MISSING = 'm' };
 
-/* What the helper is to do. Both are the same build: the struct travels as it is. */
+/* The helper's task. Daemon and helper come from one build, so the struct is sent as it is. */
 typedef struct tc_helper_request {
   bool list, mesh, without_landlock, self_contained, bridge_nothing, patient;
-  uint32_t volume; /* of the options */
+  uint32_t volume; /* as in tc_import_options */
   uint64_t max_voxel_bytes, address_bytes, cpu_seconds;
-  uint32_t link_roots; /* folders from TC_HELPER_LINKS_FD on that links of the input may lead to */
+  uint32_t link_roots; /* number of link roots; their descriptors start at TC_HELPER_LINKS_FD */
   char name[256];   /* the input's base name */
-  char choice[256]; /* what follows the '#' of the path, or "" */
+  char choice[256]; /* text after the '#' of the path, or "" */
 } tc_helper_request;
 
 /* Moves exactly `size` bytes or fails with *error set. */
@@ -87,9 +87,9 @@ typedef bool (*tc_wire_read_fn)(void *user, void *bytes, size_t size, GError **e
 typedef struct tc_wire_reader {
   tc_wire_read_fn read;
   void *user;
-  /* Sends a byte to the helper, with a descriptor (or -1) that stays the caller's. A failure to send shows at the next read. */
+  /* Sends a byte to the helper, with a descriptor (or -1), which the caller keeps. A failure shows at the next read. */
   void (*reply)(void *user, char what, int fd);
-  /* Opens a file beside the input: -1 without an error where it may be missing and is, -1 with one that ends the load. */
+  /* Opens a data file next to the input. Returns -1 without an error if an optional file is missing, else -1 with an error. */
   int (*open)(void *user, const char *name, bool optional, GError **error);
   tc_progress_fn tick;   /* PROGRESS, 0..1; false cancels */
   tc_reserve_fn reserve; /* WANT and HEAD */
@@ -97,12 +97,12 @@ typedef struct tc_wire_reader {
   uint64_t max_voxel_bytes; /* 0 = no limit */
 } tc_wire_reader;
 
-/* NULL with an error when the stream is not what it must be, or carries the helper's own FAIL. */
+/* Return NULL with an error if the stream breaks the protocol or carries the helper's FAIL. */
 tc_volume *tc_wire_load(const tc_wire_reader *reader, GError **error);
 tc_mesh *tc_wire_load_mesh(const tc_wire_reader *reader, tc_mesh_file *source, GError **error);
 bool tc_wire_list(const tc_wire_reader *reader, tc_series **series, size_t *count, GError **error);
 
-/* The helper's side, on a blocking descriptor. False when the daemon is gone: end quietly. */
+/* The helper's side, on a blocking descriptor. Return false if the daemon has gone; the helper then exits silently. */
 bool tc_wire_send_progress(int fd, double fraction);
 bool tc_wire_send_series(int fd, const tc_series *series);
 bool tc_wire_send_want(int fd, uint64_t bytes);
