@@ -1,5 +1,5 @@
-/* Clusters of a mesh (clusters.h): keys, a radix sort of them, cuts, and the clusters in their places. Every pass is in
- * chunks that any thread may do, and its result depends on neither threads nor chunks' order. */
+/* Builds the clusters of a mesh (clusters.h): Morton keys, radix sort, cuts, and the clusters' arrays. Every pass is split into
+ * chunks for any thread; the result depends neither on the number of threads nor on the order of chunks. */
 #include "renderer/mesh/clusters_join.h"
 #include "renderer/mesh/measure.h"
 
@@ -8,31 +8,31 @@
 #include <string.h>
 
 #define CHUNK 8192 /* triangles of a task */
-#define SORTED 16  /* chunks of a task of the sort: one thread sums up the counts of all tasks */
+#define SORTED 16  /* chunks of a task of the sort; one thread sums the counts of all tasks */
 #define MOST_CUTS (CHUNK / (TC_CLUSTER_VERTICES / 3) + 1)
 #define DIGIT_BITS 12
 #define DIGITS (1 << DIGIT_BITS)
-/* Of a key: three times as many are two digits. Four, one digit, would leave a cluster a row of cells long: 7 % less time here
- * for frames a quarter to a third slower (7.3 million triangles, AMD EPYC). */
+/* Bits of a key along one axis; a whole key has three times as many, two digits of the sort. Four bits (one digit) would build 7 %
+ * faster, but clusters would be rows of cells and frames a quarter to a third slower (7.3 million triangles, AMD EPYC). */
 #define AXIS_BITS 8
-#define LEFT_OUT ((1u << 3 * AXIS_BITS) - 1) /* key of a triangle that nobody can see: after all others */
+#define LEFT_OUT ((1u << 3 * AXIS_BITS) - 1) /* key of a degenerate triangle, sorted behind all others */
 
 typedef struct keyed {
   uint32_t key, triangle;
 } keyed;
 
-/* A cluster before it has its place. */
+/* A cluster before its position in the arrays is known. */
 typedef struct cut {
-  uint32_t first; /* of the sorted triangles */
+  uint32_t first; /* index among the sorted triangles */
   uint8_t n_triangles, n_vertices;
 } cut;
 
 typedef struct chunk_sums {
   float lo[3], hi[3];
-  uint64_t edges; /* 0 in all where every edge goes both ways */
-  double volume;  /* six times what a closed mesh encloses; below 0 where normals point inwards */
+  uint64_t edges; /* sum of edge hashes; 0 if every edge occurs in both directions */
+  double volume;  /* six times the enclosed volume of a closed mesh; negative if normals point inwards */
   size_t kept;
-  uint32_t digits[DIGITS]; /* of a task of the sort: how many, then where the first goes */
+  uint32_t digits[DIGITS]; /* one task of the sort: counts, then position of each digit's first item */
   int n_cuts;
   size_t vertex_room, triangle_room;
   cut cuts[MOST_CUTS];
@@ -48,7 +48,7 @@ typedef struct builder {
   float lo[3], inverse[3]; /* Morton grid */
   size_t kept;
   tc_clusters *out;
-  uint32_t *first_cluster, *first_vertex, *first_triangle; /* of a chunk, in its arrays */
+  uint32_t *first_cluster, *first_vertex, *first_triangle; /* [chunk] first of the chunk in each array */
 } builder;
 
 static size_t chunk_end(const builder *b, size_t n, int chunk) {
@@ -101,7 +101,7 @@ static uint32_t spread_bits(uint32_t x) { /* eight bits, two apart */
   return (x | x << 2) & 0x09249249u;
 }
 
-/* Two corners in one place. One of no area that has three fills the gap beside a long edge, and is kept. */
+/* Whether two corners coincide. A triangle of zero area with three different corners closes the gap at a T-junction, and is kept. */
 static bool is_degenerate(const tc_mesh *m, const uint32_t t[3]) {
   for (int v = 0; v < 3; v++) {
     const float *a = m->positions[t[v]], *b = m->positions[t[(v + 1) % 3]];
@@ -172,7 +172,7 @@ static bool sort_keys(builder *b) {
 
 /* ---- cuts ---- */
 
-/* Numbers of vertices within a cluster: an open hash table, empty where a key's upper half is no stamp of now. */
+/* Numbers of vertices within a cluster: an open-addressing hash table; entries with an old stamp are empty. */
 typedef struct numbering {
   uint32_t stamp, n;
   uint64_t keys[256]; /* stamp, vertex */
@@ -181,7 +181,7 @@ typedef struct numbering {
 
 static void begin_numbering(numbering *t) { t->stamp++, t->n = 0; }
 
-/* Its corners' numbers, 8 bits each. False: no room; another numbering must begin. */
+/* Numbers of a triangle's corners, 8 bits each. Returns false if the cluster is full and the next one must begin. */
 static bool add_triangle(numbering *t, const uint32_t v[3], uint32_t *numbers) {
   uint32_t n = t->n;
   *numbers = 0;
@@ -197,13 +197,13 @@ static bool add_triangle(numbering *t, const uint32_t v[3], uint32_t *numbers) {
   return true;
 }
 
-#define AHEAD 24 /* triangles on their way from memory: they lie in any order */
+#define AHEAD 24 /* triangles prefetched, since they are read in random order */
 
 static inline void fetch_ahead(const builder *b, size_t i) {
   if (i + AHEAD < b->kept) __builtin_prefetch(b->mesh->triangles[b->from[i + AHEAD].triangle]);
 }
 
-/* Where the sort is over, the other half of its memory keeps the numbers of corners. */
+/* After the sort, the other half of its memory holds the corners' numbers. */
 static void cut_chunk(void *context, int chunk, int worker) {
   builder *b = context;
   chunk_sums *c = &b->chunks[chunk];
@@ -233,7 +233,7 @@ static void cut_chunk(void *context, int chunk, int worker) {
 
 static uint32_t octahedral(const float n[3]) {
   float sum = fabsf(n[0]) + fabsf(n[1]) + fabsf(n[2]);
-  if (!(sum > 0 && sum < INFINITY)) return 0; /* no direction: that of z */
+  if (!(sum > 0 && sum < INFINITY)) return 0; /* no direction: use z */
   float x = n[0] / sum, y = n[1] / sum;
   if (n[2] < 0) {
     float u = copysignf(1 - fabsf(y), x);
@@ -246,7 +246,7 @@ static void put_triangles(const builder *b, const tc_cluster *k, const cut *c, u
   const size_t room = tc_cluster_padded(c->n_triangles);
   uint8_t *to = b->out->triangles + 3 * (size_t)k->triangle;
   uint32_t n = 0;
-  memset(to, 0, 3 * room); /* what pads is of no area */
+  memset(to, 0, 3 * room); /* padding triangles have no area */
   for (uint32_t j = 0; j < c->n_triangles; j++) {
     fetch_ahead(b, c->first + j);
     const uint32_t *v = b->mesh->triangles[b->from[c->first + j].triangle], numbers = b->to[c->first + j].key;
@@ -274,7 +274,7 @@ static void put_vertices(const builder *b, const tc_cluster *k, const uint32_t o
   }
 }
 
-/* About the middle of its box: at most a seventh larger than need be, for any set of points. */
+/* Sphere about the centre of the bounding box: at most a seventh larger than the smallest one for any set of points. */
 static void bound_vertices(tc_cluster *k, const float *at) {
   const size_t room = tc_cluster_padded(k->n_vertices);
   float square[TC_CLUSTER_VERTICES] = {0}, most = 0;
@@ -289,7 +289,7 @@ static void bound_vertices(tc_cluster *k, const float *at) {
   k->radius = sqrtf(most) * (1 + 1e-5f);
 }
 
-/* Unit normals of a cluster's triangles; what is too small for single precision has any direction, by NaN. */
+/* Unit normals of a cluster's triangles; NaN, which stands for any direction, if the area underflows single precision. */
 static void face_normals(const tc_cluster *k, const float *at, const uint8_t *corners,
                          float n[3][TC_CLUSTER_TRIANGLES]) {
   const size_t room = tc_cluster_padded(k->n_vertices), row = tc_cluster_padded(k->n_triangles);
@@ -376,7 +376,7 @@ static bool allocate(builder *b, GError **error) {
     tc_set_error(error, TC_ERROR_LIMIT, NULL, "clusters of a mesh: %zu triangles are too many", b->kept);
     return false;
   }
-  const size_t over = TC_CLUSTER_PAD; /* whole vectors, and words of bytes, are read at the end */
+  const size_t over = TC_CLUSTER_PAD; /* kernels read whole vectors and words at the end */
   o->clusters = tc_mesh_reserve(o->n, sizeof *o->clusters);
   o->positions = tc_mesh_reserve(o->vertex_room + over, 3 * sizeof *o->positions);
   o->normals = b->mesh->normals ? tc_mesh_reserve(o->vertex_room + over, sizeof *o->normals) : NULL;

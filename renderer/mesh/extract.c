@@ -1,7 +1,7 @@
-/* Isosurface extraction (mesh.h) in three passes over rows of voxels, each of which any thread may do:
+/* Isosurface extraction (mesh.h) in three parallel passes over rows of voxels:
  *   inside   a bit per voxel;
- *   count    crossed edges, which are vertices, and triangles, per row: their sums are the numbers of the first ones;
- *   fill     vertices and triangles in their places. A vertex's number is its row's first and the bits before it. */
+ *   count    vertices (crossed edges) and triangles of each row; prefix sums give the number of each row's first ones;
+ *   fill     writes vertices and triangles. A vertex's number is its row's first number plus the crossed edges before it. */
 #ifdef __SSE2__
 #include <emmintrin.h>
 #endif
@@ -12,15 +12,14 @@
 #include "renderer/mesh/cases.h"
 #include "renderer/mesh/mesh.h"
 
-#define NEAREST (1.0 / 1024) /* share of an edge that a vertex stays away from its ends */
+#define NEAREST (1.0 / 1024) /* least distance of a vertex from the ends of its edge, as a share of the edge */
 
-#define AHEAD 2 /* rows whose voxels are on their way from memory */
+#define AHEAD 2 /* rows whose voxels are prefetched */
 
 typedef uint64_t word; /* 64 voxels of a row */
 
-/* Of the row of voxels (y, z): numbers of its first vertices on edges along x, y and z and in the middle of cells, and
- * of the first triangle of the cells between this row, the next one and those above. Counts before they are summed up.
- */
+/* Row of voxels (y, z): numbers of its first vertices on edges along x, y and z and in cell centres, and of the first triangle
+ * of the cells between this row, the next one and the two above. Before the prefix sum: counts. */
 enum { CENTRE = 3, VERTEX_KINDS };
 typedef struct row {
   uint32_t vertex[VERTEX_KINDS];
@@ -33,14 +32,14 @@ typedef struct extraction {
   tc_voxel_type type;
   int dims[3], words;  /* words of a row */
   float level, turn;   /* inside: turn * voxel >= level */
-  float least, most;   /* inside: voxels from least to most, both of the voxels' type; most < least: none */
-  word *inside;        /* [z][y][words]; bits beyond the row are those of its last voxel */
+  float least, most;   /* inside: voxels from least to most, both exact in the voxels' type; most < least: none */
+  word *inside;        /* [z][y][words]; bits beyond the row repeat its last voxel */
   const uint8_t *gaps; /* [z][y][x], tc_volume_gaps; NULL: the volume has none */
   row *rows;           /* [z][y] */
   double to_mm[3][3];  /* index displacement -> LPS mm */
   double middle[3];    /* index position of the mesh's origin */
-  size_t stride[3];    /* voxels from one to the next along an axis */
-  float outward[3][3]; /* slope of the field along index axes -> direction out of the surface in LPS */
+  size_t stride[3];    /* distance of neighbouring voxels along each axis, in voxels */
+  float outward[3][3]; /* maps the field's slope along index axes to the outward direction in LPS */
   const tc_cell_cases *cases;
   tc_mesh *mesh;
 } extraction;
@@ -48,10 +47,10 @@ typedef struct extraction {
 static size_t row_at(const extraction *e, int y, int z) { return (size_t)z * (size_t)e->dims[1] + (size_t)y; }
 static const word *bits_at(const extraction *e, int y, int z) { return e->inside + row_at(e, y, z) * (size_t)e->words; }
 
-/* Functions of one voxel type each, which is a constant where they are called. */
+/* The callers pass a constant voxel type, so that the compiler makes one version for each type. */
 #define FOR_A_TYPE static inline __attribute__((always_inline))
 
-/* Of voxel i: turn * voxel - level, at least 0 inside. */
+/* turn * voxel[i] - level: at least 0 inside. */
 FOR_A_TYPE float voxel_of(const extraction *e, tc_voxel_type type, size_t i) {
   switch (type) {
   case TC_U8: return e->turn * ((const uint8_t *)e->voxels)[i] - e->level;
@@ -70,7 +69,7 @@ static float voxel_at(const extraction *e, int x, int y, int z) {
 
 /* ---- inside ---- */
 
-/* Sixteen bytes of 0 or 255 to sixteen bits, the first the lowest. */
+/* Packs sixteen bytes of 0 or 255 into sixteen bits, first byte lowest. */
 static word gather_bits(const uint8_t *bytes) {
 #ifdef __SSE2__
   return (word)_mm_movemask_epi8(_mm_loadu_si128((const __m128i *)(const void *)bytes));
@@ -88,7 +87,7 @@ static word word_of(const uint8_t flags[64]) {
   return all;
 }
 
-/* Compares in the voxels' own type: none is widened. */
+/* Compares in the voxels' own type, without widening. */
 #define ROW_OF_BITS(name, type)                                                                                        \
   static void bits_##name(const extraction *e, const type *v, word *out) {                                             \
     const type least = (type)e->least, most = (type)e->most;                                                           \
@@ -152,7 +151,7 @@ static cell_row cells_at(const extraction *e, int y, int z) {
   return c;
 }
 
-/* Cells of word w with a gap among their corners: no surface is in them. */
+/* Cells of word w with a gap among their corners; they have no surface. */
 static word blank_cells(const extraction *e, const cell_row *c, int w) {
   word blank = 0;
   for (int x = 64 * w; x < MIN(64 * w + 64, e->dims[0] - 1); x++) {
@@ -236,7 +235,7 @@ static void count_plane(void *context, int z, int worker) {
   for (int y = 0; y < e->dims[1]; y++) count_row(e, y, z);
 }
 
-/* Counts become the numbers of the first ones; how many there are in all. */
+/* Prefix sum: turns counts into first numbers and returns the totals. */
 static void sum_rows(extraction *e, uint64_t *vertices, uint64_t *triangles) {
   size_t n = (size_t)e->dims[1] * (size_t)e->dims[2];
   *vertices = *triangles = 0;
@@ -253,7 +252,7 @@ static void sum_rows(extraction *e, uint64_t *vertices, uint64_t *triangles) {
 
 /* ---- vertices ---- */
 
-/* A vertex on its way: index position, and the direction out of the surface in LPS, of any length. */
+/* A vertex under construction: index position, and outward direction in LPS, not normalised. */
 typedef struct point {
   double at[3];
   float outward[3];
@@ -276,7 +275,7 @@ FOR_A_TYPE point cross_typed(const extraction *e, tc_voxel_type type, const int 
   float a = voxel_of(e, type, i), b = voxel_of(e, type, i + e->stride[axis]), slopes[2][3], length = 0;
   double share = (double)a / ((double)a - b);
   share =
-      share >= NEAREST ? fmin(share, 1 - NEAREST) : NEAREST; /* what is no number, too: nearest to the first voxel */
+      share >= NEAREST ? fmin(share, 1 - NEAREST) : NEAREST; /* also for NaN: nearest to the first voxel */
   p.at[axis] += share;
   if (!e->mesh->normals) return p;
   int to[3] = {from[0], from[1], from[2]};
@@ -308,7 +307,7 @@ FOR_A_TYPE void put_vertex(const extraction *e, uint32_t number, const point *p)
   for (int i = 0; i < 3; i++) e->mesh->normals[number][i] = n[i] * scale;
 }
 
-/* The mean of a polygon's vertices, each of which begins one triangle of its fan. */
+/* Mean of a polygon's vertices; the polygon becomes a fan of triangles around it. */
 static void put_centre(const extraction *e, uint32_t number, const tc_cell_case *cell, int x, int y, int z) {
   point mean = {{0}, {0}};
   int n = 0;
@@ -330,9 +329,7 @@ static void put_centre(const extraction *e, uint32_t number, const tc_cell_case 
   put_vertex(e, number, &mean);
 }
 
-/* Voxels above the row that will soon be worked on, where it has vertices: the first to read them would wait for
- * memory.
- */
+/* Prefetches the voxels above a row that will soon be processed, if the row has vertices. */
 static void fetch_ahead(const extraction *e, int y, int z) {
   const size_t size = tc_voxel_size(e->type);
   const word *here = bits_at(e, y, z), *above = bits_at(e, y, z + 1);
@@ -441,7 +438,7 @@ static void fill_plane(void *context, int z, int worker) {
   }
 }
 
-/* A volume whose index axes are a left-handed system in patient space mirrors its triangles. */
+/* Left-handed index axes mirror the triangles' orientation. */
 static void turn_over(tc_mesh *mesh) {
   for (size_t i = 0; i < mesh->n_triangles; i++) {
     uint32_t last = mesh->triangles[i][2];
@@ -461,7 +458,7 @@ static void set_range(extraction *e) {
                                                        [TC_F32] = {-INFINITY, INFINITY}};
   const float least = bounds[e->type][0], most = bounds[e->type][1];
   const float level =
-      e->type == TC_F32 ? e->level : ceilf(e->level); /* whole numbers are inside from the next one on */
+      e->type == TC_F32 ? e->level : ceilf(e->level); /* for integers the next integer is the threshold */
   e->least = e->turn > 0 ? fmaxf(level, least) : least;
   e->most = e->turn > 0 ? most : fminf(-level, most);
   if (e->least > most || e->most < least) e->least = most, e->most = least;
@@ -485,7 +482,7 @@ static void set_up(extraction *e, const tc_volume *volume, double iso) {
     for (int k = 0; k < 3; k++) e->to_mm[i][k] = d->spacing[k] * d->direction[3 * i + k];
   tc_volume_lps_to_index_matrix(volume, to_index);
   for (int k = 0; k < 9; k++)
-    scale = fmax(scale, fabs(to_index[k])); /* any length will do: none that single precision cannot square */
+    scale = fmax(scale, fabs(to_index[k])); /* only the direction matters; scaled so that squares do not overflow single precision */
   for (int i = 0; i < 3; i++)
     for (int k = 0; k < 3; k++) e->outward[i][k] = (float)(-to_index[3 * k + i] / scale);
 }
@@ -497,7 +494,7 @@ static bool left_handed(const extraction *e) {
          0;
 }
 
-/* Vertices of cells with gaps, which no triangle has. */
+/* Removes vertices of cells with gaps, which no triangle uses. */
 static bool drop_unused(tc_mesh *m, GError **error) {
   uint32_t *number = calloc(m->n_vertices ? m->n_vertices : 1, sizeof *number), n = 0;
   if (!number) {

@@ -1,5 +1,5 @@
-/* The surface of one label (mesh.h): the signed distance to its boundary, smoothed, becomes a small volume of its own,
- * whose isosurface at 0 is the label's.
+/* Surface of one label (mesh.h): the smoothed signed distance to the label's boundary is computed as a small volume, whose
+ * isosurface at 0 is the label's surface.
  *
  * Distances are Euclidean, by a minimum along each axis in turn. Where slices lie far apart they are taken within the
  * slice alone, so that a boundary that moves from slice to slice becomes a ramp, not a step (shape-based
@@ -16,13 +16,13 @@
 #include "renderer/volume/voxel.h"
 
 #define RADIUS 6 /* of the filter, voxels */
-#define REACH 15 /* of distances, voxels of the finest spacing; longer ones are cut off there */
+#define REACH 15 /* largest distance, in voxels of the finest spacing; larger ones are clamped */
 #define UNIT 8   /* squared distances are stored in (finest spacing / UNIT)^2 */
 #define FAR (REACH * UNIT * REACH * UNIT)
 #define SCALE 32   /* a distance is stored in finest spacing / (UNIT * SCALE) */
-#define COARSE 2.0 /* times the finest spacing: slices further apart than that */
-#define STRIP 128  /* voxels that are measured together */
-#define RIM 2      /* voxels of nothing around the label's box: the surface is closed, and has slopes */
+#define COARSE 2.0 /* slices further apart than this many times the finest spacing count as far apart */
+#define STRIP 128  /* voxels processed together */
+#define RIM 2      /* empty voxels around the label's box, so that the surface is closed and has gradients */
 
 static const int32_t weights[2 * RADIUS + 1] = {-1,   -12, -66, -92, 273, 1128, 1636,
                                                 1128, 273, -92, -66, -12, -1}; /* / 4096 */
@@ -31,9 +31,9 @@ typedef struct smoothing {
   const tc_volume *labels;
   int voxel;          /* the label as the volume stores it */
   int lo[3], dims[3]; /* first voxel of the field in the label volume, which may be negative; size of the field */
-  int cost[3][2 * REACH + 1]; /* squared distance along an axis; of no use where that is over FAR */
+  int cost[3][2 * REACH + 1]; /* squared distance along an axis; unused above FAR */
   int16_t *field;
-  int16_t **lines; /* [worker] room for the longest slab that is filtered */
+  int16_t **lines; /* [worker] buffer for the longest filtered slab */
 } smoothing;
 
 static int stored(const tc_volume *v, size_t i) {
@@ -42,7 +42,7 @@ static int stored(const tc_volume *v, size_t i) {
 
 /* ---- where labels are ---- */
 
-/* reach[] of what a worker has seen; all are maxima, and 0 before anything is seen. */
+/* reach[] of the voxels that a worker has read; all are maxima, initially 0. */
 typedef struct search {
   const tc_volume *labels;
   int n_values;
@@ -98,7 +98,7 @@ tc_label_boxes *tc_label_boxes_find(const tc_volume *labels, tc_pool *pool, GErr
   return boxes;
 }
 
-/* False: the label is nowhere. */
+/* Returns false if the label does not occur. */
 static bool place_field(smoothing *s, const tc_label_boxes *boxes) {
   const int *dims = tc_volume_describe(s->labels)->dims, *reach = boxes->reach[s->voxel & (boxes->n_values - 1)];
   for (int k = 0; k < 3; k++) {
@@ -153,7 +153,7 @@ static void continue_lines(const lines *l) {
   }
 }
 
-/* Smooths rows. */
+/* Applies the filter to rows. */
 static void filter(const lines *l) {
   const size_t tap = (size_t)l->tap;
   copy_lines(l, RADIUS * tap, 0);
@@ -169,7 +169,7 @@ static void filter(const lines *l) {
   }
 }
 
-/* One tap after the other for all voxels of a strip: vectors of 16 bits, which no sum of two distances leaves. */
+/* Adds one tap at a time for all voxels of a strip, in 16-bit vectors; the sum of two distances fits in 16 bits. */
 static void measure_strip(const int16_t *in, int tap, const int cost[], int16_t *out, int n) {
   int16_t to_outside[STRIP], to_inside[STRIP];
   for (int x = 0; x < STRIP; x++) to_outside[x] = to_inside[x] = FAR;
@@ -185,8 +185,8 @@ static void measure_strip(const int16_t *in, int tap, const int cost[], int16_t 
   for (int x = 0; x < n; x++) out[x] = (int16_t)(out[x] > 0 ? to_outside[x] : -to_inside[x]);
 }
 
-/* Signed squared distances to the nearest voxel of the other side: from those in the volume without this axis to those
- * with it. Beyond the ends nothing is of the label. */
+/* Signed squared distance to the nearest voxel on the other side: extends the distances of the previous axes by one axis.
+ * Outside the field nothing belongs to the label. */
 static void measure(const lines *l, const int cost[]) {
   copy_lines(l, REACH * (size_t)l->tap, -FAR);
   for (int i = 0; i < l->n; i++)
@@ -195,7 +195,7 @@ static void measure(const lines *l, const int cost[]) {
                     l->first + (size_t)i * l->step + x, MIN(STRIP, l->width - x));
 }
 
-/* Those along x at (y, z), those across y at z, those across z at y. */
+/* Distances along x at (y, z), across y at z, and across z at y. */
 static lines along_x(const smoothing *s, int y, int z, int16_t *copy) {
   return (lines){row_of(s, y, z), 0, 1, s->dims[0], 1, copy};
 }
@@ -218,7 +218,7 @@ static void measure_plane(void *context, int z, int worker) {
   if (s->cost[1][0]) measure(&across, s->cost[1]);
 }
 
-/* Distances along z, no longer squared, and smoothed along z unless slices lie too far apart for that as well. */
+/* Distances along z, no longer squared, smoothed along z unless slices are far apart. */
 static void finish_slab(void *context, int y, int worker) {
   const smoothing *s = context;
   const lines across = across_z(s, y, s->lines[worker]);
@@ -233,8 +233,7 @@ static void finish_slab(void *context, int y, int worker) {
   if (s->cost[2][0]) filter(&across);
 }
 
-/* At last each voxel that smoothing took over to the other side is mirrored back, so that nothing thin is lost and no
- * gap is closed. */
+/* Restores the sign of each voxel that smoothing moved to the other side, so that thin parts survive and gaps stay open. */
 static void smooth_plane(void *context, int z, int worker) {
   const smoothing *s = context;
   const lines across = across_y(s, z, s->lines[worker]);
@@ -252,7 +251,7 @@ static void smooth_plane(void *context, int z, int worker) {
   }
 }
 
-/* Squared distances along each axis; 0 first where slices are too far apart to be measured across. */
+/* Squared distances along each axis; 0 for z if slices are far apart. */
 static void set_costs(smoothing *s) {
   const double *spacing = tc_volume_describe(s->labels)->spacing;
   const double finest = fmin(fmin(spacing[0], spacing[1]), spacing[2]);
@@ -295,7 +294,7 @@ static bool make_distances(smoothing *s, tc_pool *pool, GError **error) {
 
 /* ---- all ---- */
 
-/* The label as stored; false: no voxel can have it. */
+/* The label's stored value; returns false if no voxel can have it. */
 static bool store_label(const tc_volume *labels, uint32_t label, int *voxel) {
   const tc_volume_desc *d = tc_volume_describe(labels);
   const double v = (label - d->intercept) / d->slope;

@@ -9,24 +9,24 @@
 
 #include "renderer/mesh/deviation.h"
 
-#define GROUP 32      /* clusters of a group: some 3,500 triangles, whose levels take five milliseconds */
+#define GROUP 32      /* clusters of a group: about 3,500 triangles, whose levels take five milliseconds to build */
 #define QUARTER 4
-#define WORTH 0.7     /* a level of more than this share of the triangles before it is none */
-#define FARTHEST 0.1f /* edges of the full surface, by quadrics, that the first level is not looked for beyond */
-#define FARTHER 5      /* times as far for the next one */
+#define WORTH 0.7     /* a level with more than this share of the previous level's triangles is dropped */
+#define FARTHEST 0.1f /* largest quadric error of the first level, in edge lengths of full detail */
+#define FARTHER 5      /* factor on FARTHEST for each further level */
 
 typedef struct corner {
   float at[3];
   uint32_t normal; /* octahedral */
-  uint32_t color;  /* 0 where there are none */
+  uint32_t color;  /* 0 without colours */
 } corner;
 
-/* A group as one mesh: each vertex once. */
+/* A group as one mesh with shared vertices. */
 typedef struct patch {
-  corner *corners; /* [3 * n]: as clusters have them, then [n_vertices] */
+  corner *corners; /* [3 * n] as in the clusters, later [n_vertices] */
   uint32_t *places, *triangles, *level;
-  uint32_t *piece;       /* [n_vertices]: the first vertex of the piece of surface that it is of */
-  float (*boxes)[6];     /* [n_vertices]: of a piece, at its first: -low, high; -INFINITY where the level has some of it */
+  uint32_t *piece;       /* [n_vertices] first vertex of the connected component that the vertex belongs to */
+  float (*boxes)[6];     /* [n_vertices] box of each component, at its first vertex: -low, high; -INFINITY if the level still contains it */
   size_t n, n_vertices;
   float (*positions)[3]; /* [n_vertices] */
 } patch;
@@ -77,7 +77,7 @@ static uint32_t first_of(uint32_t *piece, uint32_t v) {
   return v;
 }
 
-/* Pieces that no edge joins. */
+/* Finds connected components. */
 static void find_pieces(patch *p) {
   for (uint32_t v = 0; v < p->n_vertices; v++) p->piece[v] = v;
   for (size_t i = 0; i < 3 * p->n; i++) {
@@ -121,7 +121,7 @@ static void bound_patch(const patch *p, tc_group *g) {
 
 /* ---- errors ---- */
 
-/* The largest piece of which the level has nothing; marks the others. */
+/* Size of the largest component that the level lost; marks the others. */
 static float lost_of(patch *p, size_t n) {
   float most = 0;
   for (size_t v = 0; v < p->n_vertices; v++)
@@ -141,8 +141,8 @@ static float lost_of(patch *p, size_t n) {
   return sqrtf(most);
 }
 
-/* The farthest vertex of the full surface from the level, and middle of the level's triangles and edges from the full one;
- * a piece that is gone counts as far as it is large. Infinite where there is no memory. */
+/* Error of a level: the largest distance from a vertex of full detail to the level, or from a triangle's or edge's middle of
+ * the level to full detail; a lost component counts with its size. INFINITY if there is no memory. */
 static float deviation_of(patch *p, const tc_deviation *full, size_t n) {
   const float(*at)[3] = (const float(*)[3])p->positions;
   tc_deviation *level = tc_deviation_begin(at, p->level, n);
@@ -171,7 +171,7 @@ static void unpack(uint32_t packed, float n[3]) {
   n[1] = n[2] < 0 ? copysignf(1 - fabsf(x), y) : y;
 }
 
-/* The level's n triangles as clusters, after those that are there. */
+/* Appends the level's n triangles as clusters. */
 static bool add_level(making *m, const patch *p, size_t n, int level, uint16_t part, GError **error) {
   const bool normals = m->of->normals != NULL, colored = m->of->parts[part].colored;
   tc_mesh *mesh = tc_mesh_new(p->n_vertices, n, normals, error);
@@ -192,7 +192,7 @@ static bool add_level(making *m, const patch *p, size_t n, int level, uint16_t p
   return added;
 }
 
-/* As long as they are on average. */
+/* Mean edge length. */
 static float edge_of(const patch *p) {
   double sum = 0;
   for (size_t t = 0; t < p->n; t++) {
@@ -204,7 +204,7 @@ static float edge_of(const patch *p) {
   return (float)(sum / (double)p->n);
 }
 
-/* Errors are distances: where colours change a level would move them unseen. */
+/* Groups with several vertex colours get no levels: the error measures distance only, and a level would shift colours. */
 static bool has_one_color(const patch *p) {
   for (size_t i = 1; i < p->n_vertices; i++)
     if (p->corners[i].color != p->corners[0].color) return false;
@@ -290,7 +290,7 @@ bool tc_levels_add(tc_clusters *to, tc_clusters *levels, GError **error) {
 
 /* ---- the choice ---- */
 
-/* Pixels that a millimetre may be wide anywhere in the group's sphere, seen in the picture. */
+/* Upper bound of a millimetre's size in pixels within the group's sphere. */
 static double pixels_of_mm(const tc_mesh_view *v, const tc_group *g, double slope) {
   const double centre[3] = {g->centre[0], g->centre[1], g->centre[2]};
   if (!v->perspective) return v->scale;
@@ -299,7 +299,7 @@ static double pixels_of_mm(const tc_mesh_view *v, const tc_group *g, double slop
 }
 
 size_t tc_levels_choose(const tc_clusters *mesh, const tc_mesh_view *v, double pixels, uint8_t *level) {
-  /* What moves along the view moves aside on the picture as far as it is from its middle: most in a corner. */
+  /* Motion along the view direction shifts a point in the picture in proportion to its distance from the centre; most in a corner. */
   const double slope = sqrt(1 + (v->centre[0] * v->centre[0] + v->centre[1] * v->centre[1]) / (v->scale * v->scale));
   size_t n = 0;
   for (size_t i = 0; i < mesh->n_groups; i++) {
@@ -313,7 +313,7 @@ size_t tc_levels_choose(const tc_clusters *mesh, const tc_mesh_view *v, double p
   return n;
 }
 
-/* ---- beside ---- */
+/* ---- building in the background ---- */
 
 struct tc_refining {
   const tc_clusters *of;
@@ -322,11 +322,11 @@ struct tc_refining {
   atomic_bool stop, over;
 };
 
-static atomic_bool at_work; /* one thread at a time, however many meshes are shown */
+static atomic_bool at_work; /* one thread for the process, for any number of meshes */
 
 static void *refine(void *context) {
   tc_refining *r = context;
-  setpriority(PRIO_PROCESS, 0, 19); /* of this thread alone */
+  setpriority(PRIO_PROCESS, 0, 19); /* affects this thread only */
   r->made = tc_levels_make(r->of, &r->stop, NULL);
   atomic_store(&r->over, true);
   atomic_store(&at_work, false);

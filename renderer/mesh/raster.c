@@ -1,4 +1,4 @@
-/* The rasteriser's phases (raster.h): clusters are left out or counted by tile, put into their tiles' lists, drawn. */
+/* The rasteriser's phases (raster.h): culling and counting clusters per tile, binning them into the tiles' lists, drawing. */
 #include "renderer/mesh/raster.h"
 
 #include <math.h>
@@ -10,13 +10,13 @@
 #include "renderer/mesh/sight.h"
 
 #define CHUNK 1024   /* clusters of a task */
-#define LOOK 8       /* clusters between two looks at the halt */
-#define BUCKETS 256  /* of nearness, a tile's clusters are sorted into */
-#define MOST_LAYERS (1 << 18) /* that are sorted at once, but of a single row: of more, fewer rows are */
-#define MOST_ROW (1 << 21)    /* layers of a row of a tile, 24 bytes each: more are refused */
-#define MOST_SEEN (1 << 22)   /* layers of a tile that are handed out: more are refused */
-#define MANY 1024             /* layers of a pixel before which the halt is looked at */
-#define SEEN_THROUGH (1.0f / 4096) /* a share of a sample's light below this is nobody's */
+#define LOOK 8       /* clusters between two checks of the halt */
+#define BUCKETS 256  /* buckets of nearness that a tile's clusters are sorted into */
+#define MOST_LAYERS (1 << 18) /* most layers sorted at once; a tile with more is drawn a few rows at a time */
+#define MOST_ROW (1 << 21)    /* most layers in one row of a tile, 24 bytes each; more are refused */
+#define MOST_SEEN (1 << 22)   /* most visible layers emitted for a tile; more are refused */
+#define MANY 1024             /* pixels with this many layers check the halt first */
+#define SEEN_THROUGH (1.0f / 4096) /* layers behind less than this share of a sample's light are ignored */
 
 typedef struct worker {
   tc_raster_tile tile;
@@ -25,31 +25,31 @@ typedef struct worker {
   float (*linear)[4], *depth; /* [TC_RASTER_PIXELS] */
   uint32_t *order;            /* [longest] */
   void *memory;
-  tc_raster_seen *seen;       /* of a layered job */
+  tc_raster_seen *seen;       /* only for a layered job */
   size_t n_seen, seen_room;
-  int from, rows;             /* of the tile: the first row that is drawn now, and behind the last that is finished */
-  tc_raster_layers layers;    /* as they are found, and, behind as many, by pixel */
+  int from, rows;             /* rows of the tile: the first one drawn now, and the end of the finished ones */
+  tc_raster_layers layers;    /* first half: in the order found; second half: sorted by pixel */
 } worker;
 
 typedef struct drawing {
   const tc_raster_job *job;
   tc_raster_frame frame;
-  double slack; /* mm that single precision may be off by */
+  double slack; /* bound on the rounding of single precision, mm */
   int tiles_x, tiles_y, n_tiles, n_chunks;
   tc_sight *sights;
-  uint32_t *places;     /* [chunks][tiles]: how many, then where the chunk's first one goes in the tile's list */
-  size_t *first;        /* [tiles + 1]: of a tile's list */
+  uint32_t *places;     /* [chunks][tiles]: number of clusters, then the position of the chunk's first one in the tile's list */
+  size_t *first;        /* [tiles + 1] start of each tile's list */
   uint32_t *lists;
   size_t longest;
   struct tile_work {
     size_t clusters;
     int tile;
-  } *work; /* [tiles], the most clusters first: no thread begins a long tile when the others are done */
+  } *work; /* [tiles], most clusters first, so that no thread begins a long tile when the others are done */
   worker *workers;
-  atomic_int drawn;     /* tiles */
-  atomic_bool left;     /* some tile was not drawn to the end */
+  atomic_int drawn;     /* number of tiles drawn */
+  atomic_bool left;     /* some tile is unfinished */
   atomic_bool no_memory;
-  bool translucent, textured; /* some surface is */
+  bool translucent, textured; /* whether any surface is */
 } drawing;
 
 static const tc_raster_surface *surface_of(const drawing *d, size_t cluster) {
@@ -127,7 +127,7 @@ static void list_chunk(void *context, int chunk, int worker) {
   }
 }
 
-/* Counts become places in the tiles' lists; gives back how long all lists are. */
+/* Turns counts into positions in the tiles' lists. Returns the total length of all lists. */
 static size_t sum_places(drawing *d) {
   size_t all = 0;
   for (int t = 0; t < d->n_tiles; t++) {
@@ -158,7 +158,7 @@ static void order_tiles(drawing *d) {
 
 /* ---- tiles ---- */
 
-/* A tile's clusters, nearest first, as well as buckets tell. */
+/* Sorts a tile's clusters nearest first, to the resolution of the buckets. */
 static void sort_list(const drawing *d, const uint32_t *list, size_t n, uint32_t *order) {
   float lo = INFINITY, hi = -INFINITY;
   uint32_t at[BUCKETS + 1] = {0};
@@ -197,7 +197,7 @@ static block_range blocks_of(const tc_raster_tile *t, const tc_sight *s) {
                        (y1 < t->height ? y1 : t->height - 1) / TC_RASTER_BLOCK};
 }
 
-/* Every sample it may touch has something that is at least as near. */
+/* Whether every sample that the cluster may touch already shows something at least as near. */
 static bool is_hidden(tc_raster_tile *t, int n_samples, const tc_sight *s, block_range r) {
   for (int y = r.y0; y <= r.y1; y++)
     for (int x = r.x0; x <= r.x1; x++) {
@@ -223,7 +223,7 @@ static void begin_tile(const drawing *d, tc_raster_tile *t, int tile) {
 static void shade_fragments(drawing *d, worker *w);
 static inline void add_opaque(drawing *d, worker *w, int x, int y);
 
-/* Forward shading: what the cluster that was drawn last is seen in takes the place of what was there. */
+/* Forward shading: shades the samples where the last drawn cluster is visible. */
 static void shade_cluster(drawing *d, worker *w, uint32_t cluster, block_range r) {
   const int x1 = MIN((r.x1 + 1) * TC_RASTER_BLOCK, w->tile.width), y1 = MIN((r.y1 + 1) * TC_RASTER_BLOCK, w->tile.height);
   for (int y = r.y0 * TC_RASTER_BLOCK; y < y1; y++)
@@ -241,8 +241,8 @@ static bool is_too_much(const tc_raster_tile *t) {
   return t->layers && t->layers->n > (t->height > 1 ? MOST_LAYERS : MOST_ROW);
 }
 
-/* Those of a tile's clusters that are opaque, or the others, into the rows of `to`, which is the tile or a part of it.
- * Gives back how many it came through; less than n: left, or too much. */
+/* Draws a tile's opaque or translucent clusters into the rows of `to`, which is the tile or a part of it. Returns the number
+ * of clusters processed; less than n if halted or if there are too many layers. */
 static size_t draw_clusters(drawing *d, worker *w, size_t n, tc_raster_tile *to) {
   tc_raster_tile *t = &w->tile;
   for (size_t i = 0; i < n; i++) {
@@ -267,7 +267,7 @@ static size_t draw_clusters(drawing *d, worker *w, size_t n, tc_raster_tile *to)
 
 /* ---- translucent layers ---- */
 
-/* For so many and a quarter more. */
+/* Makes room for n layers and a quarter more. */
 static bool make_room(drawing *d, tc_raster_layers *layers, size_t n) {
   const size_t room = n + n / 4 < MOST_ROW ? n + n / 4 : MOST_ROW;
   const bool fits = tc_ledger_take(d->job->ledger, 2 * (room - layers->room) * sizeof *layers->of);
@@ -278,7 +278,7 @@ static bool make_room(drawing *d, tc_raster_layers *layers, size_t n) {
 
 /* ---- shading ---- */
 
-/* Where the ray through the middle of a fragment is when it has gone so far. */
+/* Point on the ray through a fragment's centre at a given depth. */
 static void texture_fragments(const drawing *d, tc_raster_fragments *f) {
   const tc_mesh_view *v = d->job->view;
   for (int i = 0; i < f->n; i++) {
@@ -326,7 +326,7 @@ static void shade_fragments(drawing *d, worker *w) {
   f->n = 0;
 }
 
-/* A triangle's share of a pixel (opacity included), seen at `offset` from the pixel's middle, in fixed-point units. */
+/* Adds a fragment: a triangle's share of a pixel (opacity included), at `offset` from the pixel's centre in fixed-point units. */
 typedef struct sighting {
   uint32_t id;
   float share, offset[2];
@@ -343,7 +343,7 @@ static void add_fragment(drawing *d, worker *w, int x, int y, sighting seen) {
   if (++f->n == TC_RASTER_BATCH) shade_fragments(d, w);
 }
 
-/* The triangles that a pixel's samples see, each once, in the middle of its samples there: which is within it. */
+/* Adds the triangles that a pixel's samples see, each once, at the mean of its samples, which lies inside the triangle. */
 static void add_pixel(drawing *d, worker *w, int x, int y) {
   struct { uint32_t id; float n, offset[2]; } of[TC_RASTER_SAMPLES];
   const int n_samples = d->job->n_samples;
@@ -371,7 +371,7 @@ static inline void add_opaque(drawing *d, worker *w, int x, int y) {
     add_fragment(d, w, x, y, (sighting){id, 1, {d->frame.offset[0][0], d->frame.offset[0][1]}});
 }
 
-/* Nearness becomes the share of the pixel that each layer has, and `clear` what is left of each sample behind them. */
+/* Replaces nearness by each layer's share of the pixel, and `clear` by the remaining transparency of each sample. */
 static void share_out(const drawing *d, tc_raster_layer *of, size_t n, float clear[TC_RASTER_SAMPLES]) {
   const float each = 1 / (float)d->job->n_samples;
   for (int s = 0; s < d->job->n_samples; s++) clear[s] = 1;
@@ -383,11 +383,11 @@ static void share_out(const drawing *d, tc_raster_layer *of, size_t n, float cle
   }
 }
 
-/* A pixel with translucent layers, each triangle once. */
+/* Shades a pixel with translucent layers, each triangle once. */
 static void add_layers(drawing *d, worker *w, int x, int y, tc_raster_layer *of, size_t n) {
   const int n_samples = d->job->n_samples;
   float clear[TC_RASTER_SAMPLES];
-  tc_raster_layer last[TC_RASTER_SAMPLES]; /* what is opaque */
+  tc_raster_layer last[TC_RASTER_SAMPLES]; /* the opaque layer of each sample */
   int n_last = 0;
   tc_raster_layers_by_depth(of, n);
   share_out(d, of, n, clear);
@@ -408,7 +408,7 @@ static void add_layers(drawing *d, worker *w, int x, int y, tc_raster_layer *of,
     }
 }
 
-/* Rows [y0, y1) of the tile, with the layers found in them. False: left before row w->rows. */
+/* Draws rows [y0, y1) of the tile with their layers. Returns false if halted before row w->rows. */
 static bool shade_rows(drawing *d, worker *w, int y0, int y1) {
   uint32_t first[TC_RASTER_PIXELS + 1];
   tc_raster_layer *of = w->layers.n ? tc_raster_layers_by_pixel(&w->layers, first) : NULL;
@@ -426,7 +426,7 @@ static bool shade_rows(drawing *d, worker *w, int y0, int y1) {
   return true;
 }
 
-/* A tile that translucent surfaces may be in, some rows at a time. False: left, or no memory. */
+/* Draws a tile that translucent surfaces may touch, a few rows at a time. Returns false if halted or out of memory. */
 static bool draw_layers(drawing *d, worker *w, size_t n) {
   const int height = w->tile.height;
   for (int rows = w->from ? 1 : height, y = w->from, end; y < height; y = end) {
@@ -437,12 +437,12 @@ static bool draw_layers(drawing *d, worker *w, size_t n) {
     part.near += y * TC_RASTER_SIDE, part.id += y * TC_RASTER_SIDE;
     w->layers.n = 0;
     const size_t looked = draw_clusters(d, w, n, &part);
-    if (part.height > 1 && is_too_much(&part)) { /* fewer rows, as far as is known how many */
+    if (part.height > 1 && is_too_much(&part)) { /* retry with fewer rows, estimated from the count so far */
       rows = (int)((size_t)part.height * looked / (2 * n));
       rows = rows > 1 ? rows : 1, end = y, w->counts = before;
     } else if (looked < n && !is_too_much(&part)) {
       return false;
-    } else if (w->layers.n > w->layers.room) { /* once more, with room for them */
+    } else if (w->layers.n > w->layers.room) { /* retry with enough room */
       end = y, w->counts = before;
       if (w->layers.n <= MOST_ROW && make_room(d, &w->layers, w->layers.n)) continue;
       atomic_store(&d->no_memory, true);
@@ -478,7 +478,7 @@ static void emit_rows(drawing *d, worker *w, int tile) {
   if (!d->job->emit(d->job->user, &picture)) atomic_store_explicit(&d->left, true, memory_order_relaxed);
 }
 
-/* However late it is, a call draws a tile, or some rows of one. */
+/* Even after the pause time, a call draws at least one tile or some rows of one, so that resumed frames progress. */
 static void draw_tile(void *context, int turn, int number) {
   drawing *d = context;
   const int tile = d->work[turn].tile;

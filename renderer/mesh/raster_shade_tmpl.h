@@ -1,8 +1,8 @@
 /* The colours of visible fragments, a lane each. Part of the template, after raster_tmpl.h. */
 
-/* A triangle's corners as the eye has them: mm along right, down, forward. */
+/* A triangle's corners in view space: mm along right, down, forward. */
 typedef struct seen {
-  vf a[3], b[3], c[3];       /* forward: from the reference depth on */
+  vf a[3], b[3], c[3];       /* forward: relative to the reference depth */
   vf na[2], nb[2], nc[2];    /* normals, octahedral */
 } seen;
 
@@ -107,7 +107,7 @@ V_INLINE vf to_power(vf mirror, float shininess) {
   return v_from_bits(v_addi(v_bits(p), v_shl(whole, 23)));
 }
 
-/* What the triangles' surfaces are coloured, and how they are lit. */
+/* Colour and lighting of each lane's surface. */
 V_INLINE void surface_of(const tc_raster_frame *f, const uint32_t *ids, vf color[3], int look[V_LANES]) {
   float of[3][V_LANES];
   for (int lane = 0; lane < V_LANES; lane++) {
@@ -118,8 +118,7 @@ V_INLINE void surface_of(const tc_raster_frame *f, const uint32_t *ids, vf color
   for (int k = 0; k < 3; k++) color[k] = v_load(of[k]);
 }
 
-/* Colours of a triangle's vertices at the place that the weights say, of the lanes whose surface has them. n: lanes that
- * count. */
+/* Interpolates vertex colours by the barycentric weights, in lanes whose surface has them. n: valid lanes. */
 static int vertex_colors(const tc_raster_frame *f, const uint32_t *ids, int n, const vf weight[3], vf color[3]) {
   const tc_clusters *m = f->mesh;
   float of[3][3][V_LANES] = {0}, has[V_LANES];
@@ -142,8 +141,8 @@ static int vertex_colors(const tc_raster_frame *f, const uint32_t *ids, int n, c
   return found;
 }
 
-/* raycast/shading.h, of a point with all of the weight: n and eye are unit; q and s are the lights' sums. color: unlit,
- * then lit. */
+/* Lighting of raycast/shading.h with weight 1. n and eye are unit; q and s are the sums over lights. color: unlit on entry, lit
+ * on return. */
 static void light(const tc_raster_look *look, const vf n[3], const vf eye[3], vf color[3]) {
   const vf zero = v_set(0), facing = dot(n, eye), turn = v_select(v_lt(facing, zero), v_set(-1), v_set(1));
   vf sum[3] = {zero, zero, zero}, glint[3] = {zero, zero, zero};
@@ -168,7 +167,7 @@ static void light(const tc_raster_look *look, const vf n[3], const vf eye[3], vf
   }
 }
 
-/* Each lane as its surface wants it; neighbours mostly want the same. */
+/* Lights each lane by its surface's look; neighbouring lanes mostly share one. */
 V_INLINE void light_each(const tc_raster_frame *f, const int look[V_LANES], const vf n[3], const vf eye[3], vf color[3]) {
   float of[V_LANES];
   vf unlit[3];
@@ -189,7 +188,7 @@ static void shade(const tc_raster_frame *f, tc_raster_fragments *fragments) {
   int look[V_LANES];
   fragments->n_colored = 0;
   for (int i = 0; i < f->n_looks; i++) shaded = shaded || f->looks[i].shaded;
-  for (int i = fragments->n; i % V_LANES; i++) fragments->id[i] = fragments->id[0]; /* something to look up */
+  for (int i = fragments->n; i % V_LANES; i++) fragments->id[i] = fragments->id[0]; /* a valid triangle for the padding lanes */
   for (int i = 0; i < fragments->n; i += V_LANES) {
     seen s;
     fetch(f, fragments->id + i, &s);

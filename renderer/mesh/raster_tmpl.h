@@ -1,5 +1,5 @@
-/* The rasteriser's inner loops over the vector vocabulary: included by raster_*.c after a simd_*.h. raster_kernels.h says
- * what they promise. */
+/* The rasteriser's inner loops over the vector vocabulary, included by raster_*.c after a simd_*.h. raster_kernels.h states
+ * their contract. */
 #include <math.h>
 #include <string.h>
 
@@ -8,11 +8,11 @@
 #define ROOM (TC_CLUSTER_VERTICES + TC_CLUSTER_PAD)
 #define SIDE TC_RASTER_SIDE
 #define PIXEL 256.0f
-#define ROUND 12582912.0f /* 1.5 * 2^23: added and taken away again, rounds what is below 2^22 */
+#define ROUND 12582912.0f /* 1.5 * 2^23: adding and subtracting it rounds numbers below 2^22 to integers */
 #define REACH 4194304.0f
-#define SMALL 1023.0f     /* extent of a triangle whose edge functions are exact in single precision: four pixels */
+#define SMALL 1023.0f     /* largest extent (four pixels) for which edge functions are exact in single precision */
 
-/* A cluster's vertices on the picture: fixed point from the tile's corner, and nearness. */
+/* Projected vertices of a cluster: fixed-point position from the tile's corner, and nearness. */
 typedef struct placed {
   float x[ROOM], y[ROOM], near[ROOM];
 } placed;
@@ -28,7 +28,7 @@ V_INLINE vf row(const float m[4], vf x, vf y, vf z) {
 
 /* ---- vertices ---- */
 
-/* What is further out, or no number, is of a triangle that planes cut: nobody reads it. */
+/* Values beyond the guard band and NaN belong to triangles that are clipped; they are never read. */
 V_INLINE vf to_fixed(vf along, float middle, int corner) {
   vf held = v_min(v_max(along + v_set(middle), v_set(-REACH)), v_set(REACH));
   return (held + v_set(ROUND)) - v_set(ROUND) - v_set((float)corner * PIXEL);
@@ -60,9 +60,9 @@ typedef struct corner {
 
 static int64_t floor_division(int64_t a, int64_t b) { return a / b - (a % b < 0); } /* b > 0 */
 
-/* The samples of a row, numbers of pixels, that are on the inner side of the edge from a to b; y: of the row's samples;
- * x: of the first pixel's. The edge function is dx (y - ay) - dy (x - ax), at least 0 inside; of an edge that is
- * neither a top nor a left one at least 1. */
+/* Range of pixels in a row whose samples are inside the edge from a to b. y: of the row's samples; x: of the first pixel's
+ * sample. The edge function dx (y - ay) - dy (x - ax) is at least 0 inside a top or left edge, and at least 1 inside any
+ * other edge. */
 static void cut_span(const corner *a, const corner *b, int64_t x, int64_t y, int64_t *first, int64_t *last) {
   const int64_t dx = b->x - a->x, dy = b->y - a->y, own = dy < 0 || (dy == 0 && dx > 0) ? 0 : 1;
   const int64_t value = dx * (y - a->y) - dy * (x - a->x) - own;
@@ -151,7 +151,7 @@ typedef struct small {
   vf inverse_area, least, most;
 } small;
 
-/* The edge function from p to q, less what makes an edge own its points. */
+/* Edge function from p to q, less 1 for an edge that is neither top nor left. */
 typedef struct edge {
   vf px, py, dx, dy, own;
 } edge;
@@ -165,7 +165,7 @@ V_INLINE edge make_edge(vf px, vf py, vf qx, vf qy) {
 
 V_INLINE vf edge_at(const edge *e, vf x, vf y) { return e->dx * (y - e->py) - e->dy * (x - e->px); }
 
-/* Whole numbers: the first pixel whose sample is not before v, the last one whose sample is not after it. */
+/* First pixel whose sample is at or after v, and last pixel whose sample is at or before it. */
 V_INLINE vf first_pixel(vf v, float offset) {
   return v_float(v_trunc((v_max(v - v_set(offset), v_set(0)) + v_set(PIXEL - 1)) * v_set(1 / PIXEL)));
 }
@@ -177,7 +177,7 @@ V_INLINE vf last_pixel(vf v, float offset, int size) {
 V_INLINE vf min3(vf a, vf b, vf c) { return v_min(v_min(a, b), c); }
 V_INLINE vf max3(vf a, vf b, vf c) { return v_max(v_max(a, b), c); }
 
-/* The nearest so far wins; lanes one after another, for they may be of one pixel. */
+/* Depth test, one lane after another, since several lanes may hit one pixel. */
 V_INLINE uint64_t insert(const tc_raster_tile *t, size_t plane, unsigned bits, const float *pixel, const float *near,
                          const float *number, uint32_t first_number) {
   uint64_t n = 0;
@@ -252,7 +252,7 @@ static void draw_small(const tc_raster_frame *f, const tc_raster_tile *t, const 
 
 /* ---- clusters ---- */
 
-/* Numbers of a cluster's triangles that may cover a sample of the tile, by how they are drawn. */
+/* Sorts a cluster's triangles that may cover a sample of the tile by the way they are drawn. */
 typedef struct worklist {
   float small[TC_CLUSTER_TRIANGLES + 16];
   int large[TC_CLUSTER_TRIANGLES], n_small, n_large;
@@ -300,7 +300,7 @@ static void draw_cut(const tc_raster_frame *f, const tc_raster_tile *t, const tc
   for (int i = 2; i < n; i++) draw_large(f, t, (corner[]){c[0], c[i - 1], c[i]}, number, counts);
 }
 
-/* Of a cluster that planes may cut: draws the triangles that they do and gives back the others. */
+/* For a cluster that planes may clip: draws the clipped triangles and returns the others. */
 static void draw_all_cut(const tc_raster_frame *f, const tc_raster_tile *t, const tc_cluster *k, const placed *p,
                          uint32_t planes, uint32_t first_number, uint8_t *triangles, tc_raster_counts *counts) {
   const size_t room = tc_cluster_padded(k->n_vertices), triangle_room = tc_cluster_padded(k->n_triangles);

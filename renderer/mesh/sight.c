@@ -2,7 +2,7 @@
 
 #include <math.h>
 
-/* All of a cluster's normals look away from the eye, wherever in its sphere they are. */
+/* Whether all of a cluster's normals face away from the eye, for any position in its sphere. */
 static bool faces_away(const tc_mesh_view *v, const tc_cluster *k) {
   double along = 0, apart = 0;
   if (k->spread > 1) return false;
@@ -10,11 +10,11 @@ static bool faces_away(const tc_mesh_view *v, const tc_cluster *k) {
     double to = v->perspective ? k->centre[i] - v->eye[i] : v->forward[i];
     along += to * k->axis[i], apart += to * to;
   }
-  /* The angle to the axis, and how far the direction to the eye differs within the sphere, leave a right angle. */
+  /* The cone's angle plus the spread of the view direction over the sphere stay within a right angle. */
   return along > (k->spread * sqrt(apart) + (v->perspective ? k->radius * 1.001 : 0)) * 1.00001;
 }
 
-/* Pixels from `lo` to `hi` of an axis, held within the picture. */
+/* Pixels from `lo` to `hi` along an axis, clamped to the picture. */
 static bool pixel_range(double lo, double hi, int size, int16_t *first, int16_t *last) {
   lo = floor(lo - 0.02), hi = floor(hi + 0.02);
   if (!(hi >= 0 && lo <= size - 1)) return false;
@@ -23,7 +23,7 @@ static bool pixel_range(double lo, double hi, int size, int16_t *first, int16_t 
   return true;
 }
 
-/* Pixels that a sphere may touch. False: none. */
+/* Pixels that a sphere may touch. Returns false if there are none. */
 static bool bound_sphere(const tc_mesh_view *v, const double centre[3], double r, tc_sight *s) {
   const double depth = tc_mesh_view_row(v->depth, centre) + v->reference, nearest = depth - r;
   const double at[2] = {tc_mesh_view_row(v->right, centre), tc_mesh_view_row(v->down, centre)};

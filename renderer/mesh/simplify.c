@@ -1,4 +1,4 @@
-/* Fewer triangles for the same surface (mesh.h), by meshoptimizer. */
+/* Simplification of meshes (mesh.h), by meshoptimizer. */
 #include <math.h>
 #include <meshoptimizer.h>
 #include <stdlib.h>
@@ -6,7 +6,7 @@
 
 #include "renderer/mesh/mesh.h"
 
-/* The mesh of these triangles alone, with the vertices that they use, in the order of first use. */
+/* Mesh of the given triangles with the vertices that they use, in order of first use. */
 static tc_mesh *compact(const tc_mesh *from, const uint32_t *triangles, size_t n_triangles, GError **error) {
   uint32_t *places = malloc((from->n_vertices + 1) * sizeof *places);
   if (!places) {

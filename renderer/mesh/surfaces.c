@@ -5,12 +5,12 @@
 
 #include "renderer/mesh/measure.h"
 
-#define MESH_TIME 0.3 /* of the time that a surface takes, about: its mesh; then its clusters */
+#define MESH_TIME 0.3 /* typical share of the extraction in a surface's build time; the rest is its clusters */
 
 struct tc_surfaces {
-  tc_mesh *mesh; /* whose clusters are next */
+  tc_mesh *mesh; /* extracted mesh whose clusters are built next */
   tc_clusters *clusters;
-  tc_label_boxes *boxes; /* NULL: no source is a label, or not looked for yet */
+  tc_label_boxes *boxes; /* NULL: no source is a label, or not computed yet */
   bool listed;           /* the sources are known */
   tc_mesh_source *sources;
   size_t n_sources, next;
@@ -40,7 +40,7 @@ tc_clusters *tc_surfaces_take(tc_surfaces *s) {
   return clusters;
 }
 
-/* ---- which labels there are ---- */
+/* ---- list of labels ---- */
 
 uint32_t tc_mesh_label_of(const tc_volume_desc *d, int bits) {
   const double voxel = d->type == TC_I8 ? (int8_t)bits : d->type == TC_I16 ? (int16_t)bits : bits;
@@ -87,7 +87,7 @@ static void middle_of(const tc_volume *volume, double lps[3]) {
   tc_volume_index_to_lps(volume, middle, lps);
 }
 
-/* Meshes have origins of their own: theirs becomes the middle of the volume. */
+/* Moves an uploaded mesh's origin to the volume's centre. */
 static void move_origin(tc_mesh *mesh, const tc_volume *volume) {
   double origin[3];
   middle_of(volume, origin);
@@ -135,7 +135,7 @@ bool tc_mesh_source_equal(const tc_mesh_source *a, const tc_mesh_source *b) {
          !memcmp(a->plane, b->plane, sizeof a->plane);
 }
 
-/* A surface that was there before, if one was; NULL too where there is no memory for a copy. */
+/* Copy of an equal surface of the earlier result; NULL if there is none or no memory for a copy. */
 static tc_clusters *copy_one(const tc_surfaces_wish *wish, const tc_mesh_source *of) {
   const tc_clusters *like = wish->like;
   double origin[3];
@@ -146,7 +146,7 @@ static tc_clusters *copy_one(const tc_surfaces_wish *wish, const tc_mesh_source 
   return NULL;
 }
 
-/* The next surface, in two steps where it is not copied. */
+/* Builds the next surface: a copy, or extraction and clusters as two steps. */
 static bool make_one(tc_surfaces *s, const tc_surfaces_wish *wish, GError **error) {
   const tc_mesh_source *of = &s->sources[s->next];
   const uint64_t held = s->clusters ? s->clusters->bytes : 0;
