@@ -176,7 +176,7 @@ test('segments are splats in their own colours, and those that are hidden are no
   const [left, right] = await colorsAt();
   assert.ok(left[0] > 50 && left[2] < 20 && right[2] > 50 && right[0] < 20, `${left} ${right}`);
   assert.equal((await d.get(`${links.self}/pick?x=12&y=20`)).json.label, 1);
-  assert.match((await d.get(links.plan)).json.stages.find(({ name }) => name === 'splats').reason, /voxels of the labels/);
+  assert.match((await d.get(links.plan)).json.stages.find(({ name }) => name === 'splats').reason, /voxels of the visible labels/);
   await d.patch(links.scene, { labels: { visible: [2] } });
   const [gone, there] = await colorsAt();
   assert.ok(Math.max(...gone.slice(0, 3)) === 0 && there[2] > 50, `${gone} ${there}`);
