@@ -64,10 +64,19 @@ static void sweep(const char *path) {
   if (swept) tcs_log(TCS_LOG_DEBUG, "spool.swept", "uploads=%d", swept);
 }
 
+/* A daemon without uploads needs no spool, so that an unusable folder is a warning. */
+static void warn_unless_usable(const char *path) {
+  if (access(path, R_OK | W_OK | X_OK) != 0)
+    tcs_log(TCS_LOG_WARN, "spool.unusable",
+            "text=\"uploads fail until the spool folder can be written\" folder=%s reason=\"%s\"", path,
+            g_strerror(errno));
+}
+
 tcs_spool *tcs_spool_new(tcs_server *server) {
   tcs_spool *spool = g_new0(tcs_spool, 1);
   spool->server = server;
   g_queue_init(&spool->files);
+  warn_unless_usable(server->config->spool);
   sweep(server->config->spool);
   return spool;
 }

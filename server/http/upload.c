@@ -102,8 +102,11 @@ static void run_write(tcs_task *task) {
 
 static void say_failed(tcs_upload *upload) {
   GError *error = NULL;
-  tc_set_error(&error, upload->failed == ENOSPC ? TC_ERROR_MEMORY : TC_ERROR_IO, NULL, "writing the upload: %s",
-               g_strerror(upload->failed));
+  if (upload->failed == ENOSPC || upload->failed == EDQUOT)
+    tc_set_error(&error, TC_ERROR_BUSY, NULL, "the disk of the server's spool folder is full; try again later, or ask "
+                                              "the operator to free space there");
+  else
+    tc_set_error(&error, TC_ERROR_IO, NULL, "writing the upload: %s", g_strerror(upload->failed));
   tcs_request *request = upload->request;
   const bool in_body = !upload->ended;
   drop(upload);

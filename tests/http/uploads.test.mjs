@@ -147,6 +147,37 @@ test('the spool is bounded in bytes', async () => {
   rmSync(spool, { recursive: true });
 });
 
+test('a spool folder that is not there is warned of at start, and named when an upload fails', async () => {
+  const d = await Daemon.start({ ball: false, config: `[server]\nspool=/nowhere/spool\n` });
+  assert.match(d.stderr, /spool\.unusable text="uploads fail until the spool folder can be written" folder=\/nowhere\/spool reason="No such file/);
+  const { detail } = problem(await upload(d, 'a', ballNrrd(8)), 500);
+  assert.match(detail, /the spool folder takes no file: No such file/);
+  assert.doesNotMatch(detail, /nowhere/);
+  await d.stop();
+});
+
+test('a full disk under the spool is a 503 that says so', async (t) => {
+  const spool = folder();
+  try {
+    execFileSync('mount', ['-t', 'tmpfs', '-o', 'size=64k', 'tmpfs', spool], { stdio: 'ignore' });
+  } catch {
+    rmSync(spool, { recursive: true });
+    return t.skip('a small file system cannot be mounted here');
+  }
+  try {
+    const d = await Daemon.start({ ball: false, config: `[server]\nspool=${spool}\n` });
+    const { detail } = problem(await upload(d, 'large', ballNrrd(64)), 503);
+    assert.match(detail, /the disk of the server's spool folder is full/);
+    await until(() => uploads(spool).length === 0);
+    assert.equal((await upload(d, 'small', ballNrrd(16))).status, 202);
+    await d.resident('small');
+    await d.stop();
+  } finally {
+    execFileSync('umount', ['-l', spool]);
+    rmSync(spool, { recursive: true });
+  }
+});
+
 test('what a crash left in the spool is swept; what another daemon uses is not', async () => {
   const spool = folder(), config = `[server]\nspool=${spool}\n`;
   const first = await Daemon.start({ ball: false, config });
