@@ -45,9 +45,27 @@ static void add_word(const pile *p, const int at[3], unsigned faces, const doubl
   g_array_index(p->bricks, tc_splat_brick, p->bricks->len - 1).faces |= (uint8_t)faces;
 }
 
-static void end_brick(const pile *p) {
+/* The last brick's splats by their free faces: neighbours in memory look away from the eye together. */
+static void sort_by_faces(const pile *p) {
+  enum { most = TC_SPLAT_BRICK * TC_SPLAT_BRICK * TC_SPLAT_BRICK };
+  const uint32_t first = g_array_index(p->bricks, tc_splat_brick, p->bricks->len - 1).first;
+  const uint32_t n = p->words->len - first;
+  uint32_t *words = &g_array_index(p->words, uint32_t, first), from[most], next[65] = {0};
+  uint8_t *insets = &g_array_index(p->insets, uint8_t, first), own[most];
+  memcpy(from, words, n * sizeof *words), memcpy(own, insets, n);
+  for (uint32_t i = 0; i < n; i++) next[(from[i] >> 12 & 63) + 1]++;
+  for (int f = 0; f < 64; f++) next[f + 1] += next[f];
+  for (uint32_t i = 0; i < n; i++) {
+    const uint32_t to = next[from[i] >> 12 & 63]++;
+    words[to] = from[i], insets[to] = own[i];
+  }
+}
+
+static void end_brick(const pile *p, bool sort) {
   if (g_array_index(p->bricks, tc_splat_brick, p->bricks->len - 1).first == p->words->len)
     g_array_set_size(p->bricks, p->bricks->len - 1);
+  else if (sort)
+    sort_by_faces(p);
 }
 
 void tc_splats_free(tc_splats *splats) {
@@ -291,7 +309,7 @@ static void build_layer(void *context, int layer, int worker) {
         for (at.at[0] = bx * TC_SPLAT_BRICK; at.at[0] < MIN((bx + 1) * TC_SPLAT_BRICK, dims[0]); at.at[0]++)
           if (slice(&row, at.at[0], at.at[2])) add_slice(b, &p, &at);
       }
-      end_brick(&p);
+      end_brick(&p, !b->everything);
     }
 }
 
@@ -417,7 +435,7 @@ tc_splats *tc_splats_cut(const tc_vmd *model, const double planes[][4], int n_pl
         begin_brick(&c.out, bx, by, bz, true);
         for (int y = by * TC_SPLAT_BRICK; y < MIN((by + 1) * TC_SPLAT_BRICK, dims[1]); y++)
           for (int x = bx * TC_SPLAT_BRICK; x < MIN((bx + 1) * TC_SPLAT_BRICK, dims[0]); x++) cut_column(&c, x, y, bz);
-        end_brick(&c.out);
+        end_brick(&c.out, true);
       }
   tc_splats *s = left ? NULL : join(&c.out, 1, error);
   if (left) tc_halt_say(halt, error);

@@ -29,7 +29,7 @@ typedef struct tc_splat_brick {
   int16_t at[3];  /* in bricks */
   uint8_t faces;  /* of any of its splats */
   uint8_t cap;    /* its splats are a cut's: clipping left them */
-  uint32_t first; /* of its splats; they end where the next brick's begin */
+  uint32_t first; /* of its splats, which are sorted by their free faces; they end where the next brick's begin */
 } tc_splat_brick;
 
 typedef struct tc_splats {

@@ -34,6 +34,7 @@ typedef struct drawing {
   double planes[TC_MAX_CLIP_PLANES][4];
   tc_splat_entry *entries; /* nearest first */
   int n_entries, *layers;  /* translucent: entries by layers of bricks along an axis, and each layer's first */
+  int *met, *tile_first;   /* opaque: [tiles + 1] each tile's first of met[], the entries whose boxes meet it */
   tc_splat_tile **tiles;   /* [threads] */
   float *out;              /* [threads][TC_TILE][TC_TILE][4] */
   tc_resolve resolve;
@@ -222,8 +223,10 @@ static bool set_box(const drawing *d, tc_splat_entry *e, const double middle[3],
   double near = middle[2] - half[2], far = middle[2] + half[2];
   e->near_mm = (float)(near - 1e-4 * (fabs(near) + half[2]));
   for (int k = 0; k < 2; k++) e->box[k] = 0, e->box[2 + k] = (float)size[k];
+  e->reach = INFINITY;
   if (g->perspective && far <= (double)g->near_mm) return false;
   if (g->perspective && near <= (double)g->near_mm) return true;
+  e->reach = 0;
   for (int k = 0; k < 2; k++) {
     double lo = middle[k] - half[k], hi = middle[k] + half[k], stretch = 1;
     if (g->perspective) {
@@ -231,6 +234,8 @@ static bool set_box(const drawing *d, tc_splat_entry *e, const double middle[3],
       stretch = (1 + fmax(fabs(lo), fabs(hi))) / near;
     }
     const double reach = radius * (double)g->scale * stretch + sqrt((double)g->least2) + 0.5;
+    const double moved = (double)g->move * size_mm * (double)g->scale * stretch;
+    e->reach = fmaxf(e->reach, (float)(reach + moved));
     e->box[k] = (float)(0.5 * size[k] + lo * (double)g->scale - reach);
     e->box[2 + k] = (float)(0.5 * size[k] + hi * (double)g->scale + reach);
     if (e->box[2 + k] < 0 || (double)e->box[k] > size[k]) return false;
@@ -260,12 +265,25 @@ static bool enter(const drawing *d, const tc_splats *of, uint32_t brick, double 
   return (b->faces & e->seen) || !d->args.culling || !d->args.opaque;
 }
 
+/* The longest that a unit vector of index space can be, mm, or somewhat more where the axes are oblique (Gershgorin's
+ * circles of A'A). */
+static double longest_voxel(const drawing *d) {
+  double most = 0;
+  for (int i = 0; i < 3; i++) {
+    double sum = 0;
+    for (int j = 0; j < 3; j++) {
+      double product = 0;
+      for (int r = 0; r < 3; r++) product += d->to_view[r][i] * d->to_view[r][j];
+      sum += fabs(product);
+    }
+    most = fmax(most, sum);
+  }
+  return sqrt(most);
+}
+
 static void enter_all(drawing *d, const tc_splats *of, tc_splat_entry *entries, int *count) {
-  double size_mm = 0;
-  for (int r = 0; r < 3; r++)
-    size_mm +=
-        d->to_view[r][0] * d->to_view[r][0] + d->to_view[r][1] * d->to_view[r][1] + d->to_view[r][2] * d->to_view[r][2];
-  for (uint32_t i = 0; of && i < of->n_bricks; i++) *count += enter(d, of, i, sqrt(size_mm), &entries[*count]);
+  const double size_mm = longest_voxel(d);
+  for (uint32_t i = 0; of && i < of->n_bricks; i++) *count += enter(d, of, i, size_mm, &entries[*count]);
 }
 
 /* Nearest first, to a 4096th of the range: the order changes no bit, only how much is hidden early. */
@@ -298,11 +316,6 @@ static bool collect_entries(drawing *d, GError **error) {
 }
 
 /* ---- tiles ---- */
-
-void tc_tile_touch(tc_splat_tile *t, int x0, int y0, int x1, int y1) {
-  for (int by = y0 / TC_TILE_BLOCK; by <= y1 / TC_TILE_BLOCK; by++)
-    for (int bx = x0 / TC_TILE_BLOCK; bx <= x1 / TC_TILE_BLOCK; bx++) t->stale[by][bx] = true;
-}
 
 static void find_farthest(tc_splat_tile *t, int bx, int by) {
   float far[TC_TILE_BLOCK];
@@ -386,20 +399,70 @@ static bool sort_layers(drawing *d, GError **error) {
   return true;
 }
 
-/* One of the two passes; false: halted. */
-static bool pass(const drawing *d, tc_splat_tile *t, bool colors) {
-  const float window = colors ? d->args.window_mm : 0;
-  for (int i = 0; i < d->n_entries; i++) {
-    const tc_splat_entry *e = &d->entries[i];
-    int box[4];
-    if (!box_in_tile(e, t, box)) continue;
-    if (d->args.culling) refresh(t, box);
-    if (d->args.culling && tc_tile_hides(t, box[0], box[1], box[2], box[3], e->near_mm - window)) continue;
-    (colors ? d->kernels->colors : d->kernels->depths)(&d->args, e, t);
-    if (t->left) return false;
-    if (!colors) tc_tile_touch(t, box[0], box[1], box[2], box[3]);
+/* The tiles along x or y that an entry's box meets. */
+static void tiles_of(const tc_splat_entry *e, int k, int n, int *first, int *last) {
+  *first = (int)fminf(fmaxf(e->box[k], 0) / TC_TILE, (float)n);
+  *last = (int)fminf(fmaxf(e->box[2 + k] / TC_TILE, -1), (float)(n - 1));
+}
+
+/* For each tile the entries whose boxes meet it, in their order. */
+static bool sort_into_tiles(drawing *d, GError **error) {
+  const int across = (d->job->frame->width + TC_TILE - 1) / TC_TILE,
+            down = (d->job->frame->height + TC_TILE - 1) / TC_TILE;
+  d->tile_first = calloc((size_t)(across * down) + 2, sizeof *d->tile_first);
+  for (int pass = 0; pass < 2 && d->tile_first; pass++) {
+    int *next = d->tile_first + 1; /* counts, then firsts, which become ends */
+    for (int i = 0; i < d->n_entries; i++) {
+      int x0, x1, y0, y1;
+      tiles_of(&d->entries[i], 0, across, &x0, &x1), tiles_of(&d->entries[i], 1, down, &y0, &y1);
+      for (int y = y0; y <= y1; y++)
+        for (int x = x0; x <= x1; x++)
+          if (pass)
+            d->met[next[y * across + x]++] = i;
+          else
+            next[y * across + x + 1]++;
+    }
+    for (int t = 0; t < across * down && !pass; t++) next[t + 1] += next[t];
+    if (!pass && !(d->met = malloc(((size_t)next[across * down] + 1) * sizeof *d->met))) break;
   }
-  return true;
+  if (!d->met) tc_set_error(error, TC_ERROR_MEMORY, NULL, "splats: out of memory");
+  return d->met != NULL;
+}
+
+/* Whether the entry meets the tile and shows there, as far as the depths tell. */
+static bool shows(const drawing *d, const tc_splat_entry *e, tc_splat_tile *t) {
+  int box[4];
+  if (!box_in_tile(e, t, box)) return false;
+  if (!d->args.culling) return true;
+  refresh(t, box);
+  return !tc_tile_hides(t, box[0], box[1], box[2], box[3], e->near_mm - d->args.window_mm);
+}
+
+static bool has_room(const drawing *d, const tc_splat_entry *e, const tc_splat_tile *t) {
+  const tc_splat_brick *brick = &e->of->bricks[e->brick];
+  const size_t batches = (brick[1].first - brick[0].first + d->kernels->lanes - 1) / d->kernels->lanes;
+  return ((size_t)t->n_kept + batches) * d->kernels->batch <= TC_TILE_KEPT;
+}
+
+/* First the depths of the tile's entries, the nearest first. What these do not hide is kept, as it was projected, while
+ * there is room. Then the colours: of what was kept, and of the entries that were not. False: halted. */
+static bool pass(const drawing *d, tc_splat_tile *t, int tile) {
+  const int *met = d->met + d->tile_first[tile], n = d->tile_first[tile + 1] - d->tile_first[tile];
+  int kept = 0;
+  t->n_kept = 0, t->keeps = d->args.culling;
+  for (int i = 0; i < n && !t->left; i++) {
+    const tc_splat_entry *e = &d->entries[met[i]];
+    const bool wanted = shows(d, e, t);
+    t->keeps = t->keeps && (!wanted || has_room(d, e, t));
+    kept += t->keeps;
+    if (wanted) d->kernels->depths(&d->args, e, t);
+  }
+  if (t->left) return false;
+  if (d->args.culling) refresh(t, (int[]){0, 0, TC_TILE - 1, TC_TILE - 1});
+  d->kernels->kept(&d->args, t);
+  for (int i = kept; i < n && !t->left; i++)
+    if (shows(d, &d->entries[met[i]], t)) d->kernels->colors(&d->args, &d->entries[met[i]], t);
+  return !t->left;
 }
 
 /* Opaque: pixels beyond the picture hide all. */
@@ -436,18 +499,19 @@ static void store_tile(const drawing *d, const tc_splat_tile *t, const float *ou
   }
 }
 
-static bool is_empty(const drawing *d, const tc_splat_tile *t) {
+static bool is_empty(const drawing *d, const tc_splat_tile *t, int tile) {
   int box[4];
+  if (d->met) return d->tile_first[tile] == d->tile_first[tile + 1];
   for (int i = 0; i < d->n_entries; i++)
     if (box_in_tile(&d->entries[i], t, box)) return false;
   return true;
 }
 
 /* False: halted. */
-static bool fill_tile(const drawing *d, tc_splat_tile *t, float *out) {
+static bool fill_tile(const drawing *d, tc_splat_tile *t, int tile, float *out) {
   const int axis = tc_splat_sheet_axis(&d->args);
   if (d->args.opaque) {
-    if (!pass(d, t, false) || !pass(d, t, true)) return false;
+    if (!pass(d, t, tile)) return false;
     d->kernels->shade(&d->args, t, out);
   } else {
     if (!pass_sheets(d, t, axis, 1) || !pass_sheets(d, t, axis, -1)) return false;
@@ -466,9 +530,9 @@ static void draw_tile(void *context, int index, int worker) {
   t->width = MIN(TC_TILE, f->width - t->x0), t->height = MIN(TC_TILE, f->height - t->y0);
   clear_tile(t, &d->args);
   float *out = d->out + (size_t)worker * TC_TILE * TC_TILE * 4;
-  if (is_empty(d, t))
+  if (is_empty(d, t, index))
     memset(out, 0, TC_TILE * TC_TILE * 4 * sizeof *out);
-  else if (!fill_tile(d, t, out))
+  else if (!fill_tile(d, t, index, out))
     return;
   store_tile(d, t, out);
   d->progress->finished[index] = true;
@@ -477,7 +541,8 @@ static void draw_tile(void *context, int index, int worker) {
 static bool make_tiles(drawing *d, GError **error) {
   const size_t threads = (size_t)tc_pool_threads(d->job->pool);
   bool good = (d->tiles = calloc(threads, sizeof *d->tiles)) != NULL;
-  for (size_t i = 0; i < threads && good; i++) good = (d->tiles[i] = calloc(1, sizeof **d->tiles)) != NULL;
+  for (size_t i = 0; i < threads && good; i++)
+    good = (d->tiles[i] = calloc(1, sizeof **d->tiles)) && (d->tiles[i]->kept = malloc(TC_TILE_KEPT));
   good = good && (d->out = malloc(threads * TC_TILE * TC_TILE * 4 * sizeof *d->out)) != NULL;
   if (!good) tc_set_error(error, TC_ERROR_MEMORY, NULL, "splats: out of memory");
   return good;
@@ -537,7 +602,7 @@ bool tc_splat_draw(const tc_splat_job *job, GError **error) {
   set_up(d);
   tc_resolve_init(&d->resolve, job->scene);
   d->progress = tc_frame_cut(job->frame, TC_TILE, error);
-  good = d->progress && make_tiles(d, error) && collect_entries(d, error) && (d->args.opaque || sort_layers(d, error));
+  good = d->progress && make_tiles(d, error) && collect_entries(d, error) && (d->args.opaque ? sort_into_tiles : sort_layers)(d, error);
   if (good) tc_pool_run(job->pool, d->progress->units, draw_tile, d);
   if (good) {
     d->progress->done = 0;
@@ -545,11 +610,16 @@ bool tc_splat_draw(const tc_splat_job *job, GError **error) {
     good = d->progress->done == d->progress->units || tc_halt_say(job->halt, error);
   }
   if (good && job->counts) count(d);
-  for (int i = 0; d->tiles && i < tc_pool_threads(job->pool); i++) free(d->tiles[i]);
+  for (int i = 0; d->tiles && i < tc_pool_threads(job->pool) && d->tiles[i]; i++) {
+    free(d->tiles[i]->kept);
+    free(d->tiles[i]);
+  }
   free(d->tiles);
   free(d->out);
   free(d->entries);
   free(d->layers);
+  free(d->met);
+  free(d->tile_first);
   free(d);
   return good;
 }

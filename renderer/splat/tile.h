@@ -12,6 +12,7 @@
 #define TC_TILE_BLOCK (1 << TC_TILE_SHIFT)
 #define TC_TILE_BLOCKS (TC_TILE / TC_TILE_BLOCK)
 #define TC_WEIGHT_STEPS 1024
+#define TC_TILE_KEPT (1 << 20) /* bytes for splats that the first pass keeps for the second */
 #define TC_SPLAT_FLAT 0.4f /* thickness of a surface's kernel over its width, where voxels are large */
 
 enum { TC_SUM_WEIGHT, TC_SUM_NORMAL, TC_SUM_COLOR = TC_SUM_NORMAL + 3, TC_SUMS = TC_SUM_COLOR + 3 };
@@ -55,6 +56,7 @@ typedef struct tc_splat_entry {
   uint32_t brick;
   float near_mm;       /* no splat of it is nearer */
   float box[4];        /* pixels x0, y0, x1, y1 around its footprints */
+  float reach;         /* pixels: no footprint goes further from its voxel */
   float at[3];         /* view space, its voxel 0 */
   float eye[3];        /* index coordinates, from its voxel 0 */
   uint8_t seen, mixed; /* faces that all of its voxels show to the eye; or each its own */
@@ -70,12 +72,17 @@ typedef struct tc_splat_tile {
   float farthest[TC_TILE_BLOCKS][TC_TILE_BLOCKS];
   bool stale[TC_TILE_BLOCKS][TC_TILE_BLOCKS];
   int touched[4];         /* translucent: pixels x0, y0, x1, y1 of the sheet in the making; x1 < x0: none */
+  void *kept;             /* [TC_TILE_KEPT bytes]: splats that the depths so far do not hide, projected */
+  int n_kept;             /* batches of them */
+  bool keeps;             /* the depth pass adds to them */
   bool left;              /* stopped by the halt: the tile is not finished */
   uint64_t depths, drawn; /* splats that were put into the depths; into the sums */
 } tc_splat_tile;
 
 typedef struct tc_splat_kernels {
   void (*depths)(const tc_splat_args *args, const tc_splat_entry *entry, tc_splat_tile *tile);
+  /* Of the splats that were kept; and of an entry whose splats were not. */
+  void (*kept)(const tc_splat_args *args, tc_splat_tile *tile);
   void (*colors)(const tc_splat_args *args, const tc_splat_entry *entry, tc_splat_tile *tile);
   /* [height][width][4] floats: premultiplied colour and opacity. */
   void (*shade)(const tc_splat_args *args, const tc_splat_tile *tile, float *out);
@@ -84,12 +91,18 @@ typedef struct tc_splat_kernels {
   /* ... puts the sheet behind what is there, and makes room for the next; and the picture of all. */
   void (*compose)(tc_splat_tile *tile);
   void (*emit)(const tc_splat_tile *tile, float *out);
+  size_t batch; /* bytes of a batch that is kept */
+  uint32_t lanes; /* splats of a batch */
 } tc_splat_kernels;
 
 extern const tc_splat_kernels tc_splat_scalar, tc_splat_avx2;
 
 /* Whether every pixel of a box (of the tile) already shows something nearer than z, as far as `farthest` knows. */
 bool tc_tile_hides(const tc_splat_tile *tile, int x0, int y0, int x1, int y1, float z);
-void tc_tile_touch(tc_splat_tile *tile, int x0, int y0, int x1, int y1); /* depths there have changed */
+/* Depths there have changed. */
+static inline void tc_tile_touch(tc_splat_tile *t, int x0, int y0, int x1, int y1) {
+  for (int by = y0 / TC_TILE_BLOCK; by <= y1 / TC_TILE_BLOCK; by++)
+    for (int bx = x0 / TC_TILE_BLOCK; bx <= x1 / TC_TILE_BLOCK; bx++) t->stale[by][bx] = true;
+}
 
 #endif

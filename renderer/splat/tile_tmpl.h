@@ -18,14 +18,16 @@
 
 #include "renderer/raycast/cpu/shading_tmpl.h"
 
-/* V_LANES splats projected. */
+/* V_LANES splats of an entry, from `first` on, projected. */
 typedef struct batch {
+  const tc_splat_entry *entry;
+  uint32_t first;
+  unsigned alive; /* lanes to be drawn; with culling off those that are drawn in vain, too */
   float x[V_LANES], y[V_LANES], z[V_LANES]; /* pixels of the tile, mm */
   float a[V_LANES], b[V_LANES], c[V_LANES]; /* q = a dx^2 + 2 b dx dy + c dy^2 */
   float own[V_LANES];       /* square of the kernel's area over the ellipse's, which is widened to the pixels' width */
+  float half[2][V_LANES];   /* of the ellipse's box */
   float box[4][V_LANES];    /* x0, y0, x1, y1: pixels whose centres the ellipse's box holds */
-  float normal[3][V_LANES]; /* where colours are put */
-  unsigned alive;           /* lanes to be drawn; with culling off those that are drawn in vain, too */
 } batch;
 
 static const float lane_numbers[16] = {0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12, 13, 14, 15};
@@ -132,35 +134,61 @@ V_INLINE vm set_reach(vf at, vf r, int size, float lo[V_LANES], float hi[V_LANES
   return any;
 }
 
-/* Of ellipses `part` times as wide. False: none of them meets the tile. */
+/* Pixels of the tile whose centres the boxes of ellipses `part` times as wide hold. */
+V_INLINE vm set_box(const batch *b, const tc_splat_tile *t, float part, float box[4][V_LANES]) {
+  const vm across = set_reach(v_load(b->x), v_load(b->half[0]) * v_set(part), t->width, box[0], box[2]);
+  return m_and(across, set_reach(v_load(b->y), v_load(b->half[1]) * v_set(part), t->height, box[1], box[3]));
+}
+
+/* What is at a place of view space as seen from the eye: slopes of its ray, pixels a mm there, pixels of the tile. */
+typedef struct sight {
+  vf u, v, scale, x, y;
+} sight;
+
+V_INLINE sight sight_of(const tc_splat_args *g, const tc_splat_tile *t, const vf at[3]) {
+  sight s = {v_set(0), v_set(0), v_set(g->scale), at[0], at[1]};
+  if (g->perspective) {
+    const vf inverse = v_set(1) / v_max(at[2], v_set(1e-20f));
+    s.u = at[0] * inverse, s.v = at[1] * inverse, s.scale = s.scale * inverse;
+    s.x = s.u * v_set(g->scale), s.y = s.v * v_set(g->scale);
+  } else {
+    s.x = s.x * s.scale, s.y = s.y * s.scale;
+  }
+  s.x = s.x + v_set(0.5f * g->width - (float)t->x0), s.y = s.y + v_set(0.5f * g->height - (float)t->y0);
+  return s;
+}
+
+/* Whether footprints can meet the tile. */
+V_INLINE vm near_tile(const tc_splat_entry *e, const tc_splat_tile *t, const sight *s) {
+  const vf reach = v_set(e->reach), before = v_set(0) - reach;
+  const vm right = m_and(v_le(before, s->x), v_le(s->x, v_set((float)t->width) + reach));
+  return m_and(right, m_and(v_le(before, s->y), v_le(s->y, v_set((float)t->height) + reach)));
+}
+
+/* False: none of the splats meets the tile. */
 V_INLINE bool project(const tc_splat_args *g, const tc_splat_entry *e, const tc_splat_tile *t, uint32_t first,
-                      float part, batch *out) {
+                      batch *out) {
   const uint32_t count = e->of->bricks[e->brick + 1].first - first;
   vi word = v_bits(v_load((const float *)(const void *)(e->of->words + first)));
   vf d[3] = {v_float(nibble(word, 0)), v_float(nibble(word, 4)), v_float(nibble(word, 8))};
   vi faces = v_andi(v_sra(word, 12), e->mixed ? seen_faces(e, d) : v_seti(e->seen));
+  const vm lanes = v_lt(v_load(lane_numbers), v_set((float)count));
+  const vm facing = g->opaque ? v_lt(v_set(0), v_float(v_andi(faces, v_seti(63)))) : lanes;
+  if (g->culling && !m_any(m_and(lanes, facing))) return false;
   vf at[3] = {along(g, 0, d, e->at[0]), along(g, 1, d, e->at[1]), along(g, 2, d, e->at[2])};
+  sight from = sight_of(g, t, at);
+  if (!m_any(m_and(lanes, near_tile(e, t, &from)))) return false;
   const bool shaped = g->opaque && g->move > 0;
   shape own;
-  if (shaped) own = shape_of(g, e->of->insets + first, word, at);
-  vf x = at[0], y = at[1], z = at[2];
-  vf u = v_set(0), v = v_set(0), scale = v_set(g->scale);
-  vm inside = m_and(v_lt(v_load(lane_numbers), v_set((float)count)), v_lt(v_set(g->near_mm), z));
-  vm alive = g->opaque ? m_and(inside, v_lt(v_set(0), v_float(v_andi(faces, v_seti(63))))) : inside;
+  if (shaped) own = shape_of(g, e->of->insets + first, word, at), from = sight_of(g, t, at);
+  const vm inside = m_and(lanes, v_lt(v_set(g->near_mm), at[2]));
+  vm alive = m_and(inside, facing);
   if (e->clipped) alive = kept_by_planes(g, e, d, alive);
   if (g->culling && !m_any(alive)) return false;
-  if (g->perspective) {
-    vf inverse = v_set(1) / v_max(z, v_set(1e-20f));
-    u = x * inverse, v = y * inverse, scale = scale * inverse;
-    x = u * v_set(g->scale), y = v * v_set(g->scale);
-  } else {
-    x = x * scale, y = y * scale;
-  }
-  x = x + v_set(0.5f * g->width - (float)t->x0), y = y + v_set(0.5f * g->height - (float)t->y0);
   vf xx = v_set(0), yy = xx, xy = xx, area = xx, jx[3], jy[3];
   for (int k = 0; k < 3; k++) {
-    jx[k] = v_fnma(u, v_set(g->axis[2][k]), v_set(g->axis[0][k]));
-    jy[k] = v_fnma(v, v_set(g->axis[2][k]), v_set(g->axis[1][k]));
+    jx[k] = v_fnma(from.u, v_set(g->axis[2][k]), v_set(g->axis[0][k]));
+    jy[k] = v_fnma(from.v, v_set(g->axis[2][k]), v_set(g->axis[1][k]));
   }
   if (shaped) stretch(&own, jx), stretch(&own, jy);
   for (int k = 0; k < 3; k++) {
@@ -171,17 +199,16 @@ V_INLINE bool project(const tc_splat_args *g, const tc_splat_entry *e, const tc_
     vf across = v_fnma(jx[l], jy[k], jx[k] * jy[l]);
     area = v_fma(across, across, area);
   }
-  scale = scale * scale * v_set(g->radius2);
-  const vf least = v_set(g->least2);
+  const vf scale = from.scale * from.scale * v_set(g->radius2), least = v_set(g->least2);
   area = area * scale * scale, xx = xx * scale, yy = yy * scale, xy = xy * scale;
   vf inverse = v_set(1) / v_fma(least, xx + yy + least, area);
   xx = xx + least, yy = yy + least;
-  vm meets = m_and(set_reach(x, v_sqrt(xx) * v_set(part), t->width, out->box[0], out->box[2]),
-                   set_reach(y, v_sqrt(yy) * v_set(part), t->height, out->box[1], out->box[3]));
-  v_store(out->x, x), v_store(out->y, y), v_store(out->z, v_select(alive, z, v_set(INFINITY)));
+  v_store(out->x, from.x), v_store(out->y, from.y), v_store(out->z, v_select(alive, at[2], v_set(INFINITY)));
   v_store(out->a, yy * inverse), v_store(out->b, v_set(0) - xy * inverse), v_store(out->c, xx * inverse);
   v_store(out->own, area * inverse);
-  out->alive = m_bits(m_and(meets, g->culling ? alive : inside));
+  v_store(out->half[0], v_sqrt(xx)), v_store(out->half[1], v_sqrt(yy));
+  const vm meets = set_box(out, t, 1, out->box);
+  out->entry = e, out->first = first, out->alive = m_bits(m_and(meets, g->culling ? alive : inside));
   return out->alive != 0;
 }
 
@@ -189,27 +216,30 @@ typedef struct reach {
   int x0, y0, x1, y1;
 } reach;
 
-V_INLINE reach reach_of(const batch *b, int i) {
-  return (reach){(int)b->box[0][i], (int)b->box[1][i], (int)b->box[2][i], (int)b->box[3][i]};
+V_INLINE reach reach_of(const float box[4][V_LANES], int i) {
+  return (reach){(int)box[0][i], (int)box[1][i], (int)box[2][i], (int)box[3][i]};
 }
 
-/* Lanes that are not hidden by what is nearer than `window` before them. */
-V_INLINE unsigned shown(const tc_splat_args *g, const batch *b, const tc_splat_tile *t, float window) {
+/* Lanes that are not hidden by what is nearer than `window` before them; of these in *front those that what is nearer
+ * than they are may not hide. */
+V_INLINE unsigned shown(const tc_splat_args *g, const batch *b, const tc_splat_tile *t, unsigned *front) {
+  *front = b->alive;
   if (!g->culling) return b->alive;
   vi at[4], across = v_seti(TC_TILE_BLOCKS), blocks[2];
   for (int k = 0; k < 4; k++) at[k] = v_sra(v_trunc(v_load(b->box[k])), TC_TILE_SHIFT);
   for (int k = 0; k < 2; k++) blocks[k] = v_subi(at[2 + k], at[k]);
-  const vf z = v_load(b->z) - v_set(window);
+  const vf z = v_load(b->z);
   vf far = v_gather(t->farthest[0], v_addi(at[0], v_muli(at[1], across)));
   for (int k = 1; k < 4; k++)
     far = v_max(far, v_gather(t->farthest[0], v_addi(at[k & 1 ? 2 : 0], v_muli(at[k & 2 ? 3 : 1], across))));
-  unsigned left = b->alive & m_bits(v_le(z, far));
+  unsigned left = b->alive & m_bits(v_le(z - v_set(g->window_mm), far));
   const vm wide = v_lt(v_set(1), v_float(v_ori(blocks[0], blocks[1]))); /* there are blocks between */
   for (unsigned more = m_any(wide) ? b->alive & ~left & m_bits(wide) : 0; more; more &= more - 1) {
     const int i = __builtin_ctz(more);
-    const reach r = reach_of(b, i);
-    if (!tc_tile_hides(t, r.x0, r.y0, r.x1, r.y1, b->z[i] - window)) left |= 1u << i;
+    const reach r = reach_of(b->box, i);
+    if (!tc_tile_hides(t, r.x0, r.y0, r.x1, r.y1, b->z[i] - g->window_mm)) left |= 1u << i;
   }
+  *front = left & m_bits(m_or(wide, v_le(z, far)));
   return left;
 }
 
@@ -221,52 +251,51 @@ V_INLINE vf distances(const batch *b, int i, float x, float dy) {
 
 #define LOOK 64 /* splats between two looks at the halt, at least: of the widest some ms */
 
-V_INLINE bool leaves(const tc_splat_args *g, const tc_splat_brick *brick, uint32_t at, tc_splat_tile *t) {
-  if ((at - brick->first) % LOOK == 0 && tc_halt_within(g->halt)) t->left = true;
+V_INLINE bool leaves(const tc_splat_args *g, uint32_t batches, tc_splat_tile *t) {
+  if (batches * V_LANES % LOOK == 0 && tc_halt_within(g->halt)) t->left = true;
   return t->left;
 }
 
-static void put_depths(const tc_splat_args *g, const tc_splat_entry *e, tc_splat_tile *t) {
+V_INLINE uint32_t batches_of(const tc_splat_entry *e) {
   const tc_splat_brick *brick = &e->of->bricks[e->brick];
-  batch b;
-  for (uint32_t at = brick[0].first; at < brick[1].first; at += V_LANES) {
-    if (leaves(g, brick, at, t)) return;
-    if (!project(g, e, t, at, g->core_root, &b)) continue;
-    for (unsigned left = shown(g, &b, t, 0); left; left &= left - 1) {
-      const int i = __builtin_ctz(left);
-      const reach r = reach_of(&b, i);
-      const vf z = v_set(b.z[i]);
-      t->depths++;
-      for (int y = r.y0; y <= r.y1; y++)
-        for (int x = r.x0; x <= r.x1; x += V_LANES) {
-          float *p = t->depth + y * TC_TILE_STRIDE + x;
-          vf q = distances(&b, i, (float)x, (float)y + 0.5f - b.y[i]), before = v_load(p);
-          v_store(p, v_select(v_lt(q, v_set(g->core)), v_min(before, z), before));
-        }
-    }
+  return (brick[1].first - brick[0].first + V_LANES - 1) / V_LANES;
+}
+
+/* The cores of lanes `front`. */
+V_INLINE void put_cores(const tc_splat_args *g, const batch *b, unsigned front, tc_splat_tile *t) {
+  float box[4][V_LANES];
+  for (unsigned left = front & m_bits(set_box(b, t, g->core_root, box)); left; left &= left - 1) {
+    const int i = __builtin_ctz(left);
+    const reach r = reach_of(box, i);
+    const vf z = v_set(b->z[i]);
+    t->depths++;
+    for (int y = r.y0; y <= r.y1; y++)
+      for (int x = r.x0; x <= r.x1; x += V_LANES) {
+        float *p = t->depth + y * TC_TILE_STRIDE + x;
+        vf q = distances(b, i, (float)x, (float)y + 0.5f - b->y[i]), before = v_load(p);
+        v_store(p, v_select(v_lt(q, v_set(g->core)), v_min(before, z), before));
+      }
+    if (g->culling) tc_tile_touch(t, r.x0, r.y0, r.x1, r.y1);
+  }
+}
+
+/* From the side of the brick where the eye is: what is nearer hides more. */
+static void put_depths(const tc_splat_args *g, const tc_splat_entry *e, tc_splat_tile *t) {
+  const uint32_t n = batches_of(e);
+  const bool backwards = e->eye[1] > TC_SPLAT_BRICK / 2;
+  batch own;
+  for (uint32_t i = 0; i < n; i++) {
+    batch *b = t->keeps ? (batch *)t->kept + t->n_kept : &own;
+    unsigned front;
+    if (leaves(g, i, t)) return;
+    if (!project(g, e, t, e->of->bricks[e->brick].first + V_LANES * (backwards ? n - 1 - i : i), b)) continue;
+    b->alive = shown(g, b, t, &front);
+    t->n_kept += t->keeps && b->alive;
+    put_cores(g, b, front, t);
   }
 }
 
 V_INLINE void add_to(float *p, vi amount) { v_store(p, v_from_bits(v_addi(v_bits(v_load(p)), amount))); }
-
-V_INLINE void add_footprint(const tc_splat_args *g, const batch *b, int i, const reach *r, const int of[6],
-                            tc_splat_tile *t) {
-  const vf z = v_set(b->z[i] - g->window_mm);
-  for (int y = r->y0; y <= r->y1; y++)
-    for (int x = r->x0; x <= r->x1; x += V_LANES) {
-      const int p = y * TC_TILE_STRIDE + x;
-      vf q = distances(b, i, (float)x, (float)y + 0.5f - b->y[i]), before = v_load(t->depth + p);
-      const vm bare = v_le(v_set(INFINITY), before);
-      q = v_select(bare, q * v_set(g->open), q);
-      vm seen = m_and(v_lt(q, v_set(1)), v_lt(z, before));
-      if (g->culling && !m_any(seen)) continue;
-      q = v_select(seen, v_max(q, v_set(0)), v_set(1));
-      vi weight = v_bytes(g->weights, v_trunc(q * v_set(TC_WEIGHT_STEPS)));
-      add_to(t->sums[TC_SUM_WEIGHT] + p, weight);
-      for (int k = 0; k < 3; k++) add_to(t->sums[TC_SUM_NORMAL + k] + p, v_muli(weight, v_seti(of[k])));
-      for (int k = 3; k < 6 && g->matter.of; k++) add_to(t->sums[TC_SUM_NORMAL + k] + p, v_muli(weight, v_seti(of[k])));
-    }
-}
 
 V_INLINE void look_at_voxel(const tc_splat_args *g, const tc_splat_entry *e, uint32_t splat, float rgbk[4]) {
   const int16_t *at = e->of->bricks[e->brick].at;
@@ -301,9 +330,11 @@ V_INLINE void normal_of(const tc_splat_args *g, const tc_splat_entry *e, uint32_
 }
 
 /* In 127ths; and colour. */
-V_INLINE void look_up(const tc_splat_args *g, const tc_splat_entry *e, uint32_t splat, const batch *b, int i,
+V_INLINE void look_up(const tc_splat_args *g, const batch *b, int i, const float normal[3][V_LANES],
                       const tc_splat_tile *t, int of[6]) {
-  float n[3] = {b->normal[0][i], b->normal[1][i], b->normal[2][i]}, rgbk[4];
+  const tc_splat_entry *e = b->entry;
+  const uint32_t splat = b->first + (uint32_t)i;
+  float n[3] = {normal[0][i], normal[1][i], normal[2][i]}, rgbk[4];
   if (is_thin(e->of->words[splat])) normal_of(g, e, splat, b->x[i] + (float)t->x0, b->y[i] + (float)t->y0, n);
   for (int k = 0; k < 3; k++) of[k] = (int)lrintf(n[k] * 127.f);
   if (!g->matter.of) return;
@@ -311,26 +342,48 @@ V_INLINE void look_up(const tc_splat_args *g, const tc_splat_entry *e, uint32_t 
   for (int k = 0; k < 3; k++) of[3 + k] = (int)lrintf(rgbk[k] * 255);
 }
 
-static void put_colors(const tc_splat_args *g, const tc_splat_entry *e, tc_splat_tile *t) {
-  const tc_splat_brick *brick = &e->of->bricks[e->brick];
-  batch b;
-  vf normal[3];
-  for (uint32_t at = brick[0].first; at < brick[1].first; at += V_LANES) {
-    if (leaves(g, brick, at, t)) return;
-    if (!project(g, e, t, at, 1, &b)) continue;
-    unsigned left = shown(g, &b, t, g->window_mm);
-    if (!left) continue;
-    unfold(v_bits(v_load((const float *)(const void *)(e->of->words + at))), normal);
-    for (int k = 0; k < 3; k++) v_store(b.normal[k], normal[k]);
-    for (; left; left &= left - 1) {
-      const int i = __builtin_ctz(left);
-      const reach r = reach_of(&b, i);
-      int of[6] = {0};
-      look_up(g, e, at + (uint32_t)i, &b, i, t, of);
-      add_footprint(g, &b, i, &r, of, t);
-      t->drawn++;
+/* With culling, attributes are looked up once a pixel shows the splat. */
+V_INLINE void add_footprint(const tc_splat_args *g, const batch *b, int i, const float normal[3][V_LANES],
+                            tc_splat_tile *t) {
+  const reach r = reach_of(b->box, i);
+  const vf z = v_set(b->z[i] - g->window_mm);
+  int of[6] = {0};
+  bool looked = false;
+  for (int y = r.y0; y <= r.y1; y++)
+    for (int x = r.x0; x <= r.x1; x += V_LANES) {
+      const int p = y * TC_TILE_STRIDE + x;
+      vf q = distances(b, i, (float)x, (float)y + 0.5f - b->y[i]), before = v_load(t->depth + p);
+      const vm bare = v_le(v_set(INFINITY), before);
+      q = v_select(bare, q * v_set(g->open), q);
+      vm seen = m_and(v_lt(q, v_set(1)), v_lt(z, before));
+      if (g->culling && !m_any(seen)) continue;
+      if (!looked) look_up(g, b, i, normal, t, of), looked = true, t->drawn++;
+      q = v_select(seen, v_max(q, v_set(0)), v_set(1));
+      vi weight = v_bytes(g->weights, v_trunc(q * v_set(TC_WEIGHT_STEPS)));
+      add_to(t->sums[TC_SUM_WEIGHT] + p, weight);
+      for (int k = 0; k < 3; k++) add_to(t->sums[TC_SUM_NORMAL + k] + p, v_muli(weight, v_seti(of[k])));
+      for (int k = 3; k < 6 && g->matter.of; k++) add_to(t->sums[TC_SUM_NORMAL + k] + p, v_muli(weight, v_seti(of[k])));
     }
-  }
+}
+
+static void color(const tc_splat_args *g, const batch *b, tc_splat_tile *t) {
+  unsigned front, left = shown(g, b, t, &front);
+  vf normal[3];
+  float normals[3][V_LANES];
+  if (!left) return;
+  unfold(v_bits(v_load((const float *)(const void *)(b->entry->of->words + b->first))), normal);
+  for (int k = 0; k < 3; k++) v_store(normals[k], normal[k]);
+  for (; left; left &= left - 1) add_footprint(g, b, __builtin_ctz(left), normals, t);
+}
+
+static void put_kept(const tc_splat_args *g, tc_splat_tile *t) {
+  for (uint32_t i = 0; i < (uint32_t)t->n_kept && !leaves(g, i, t); i++) color(g, (const batch *)t->kept + i, t);
+}
+
+static void put_colors(const tc_splat_args *g, const tc_splat_entry *e, tc_splat_tile *t) {
+  batch b;
+  for (uint32_t i = 0; i < batches_of(e) && !leaves(g, i, t); i++)
+    if (project(g, e, t, e->of->bricks[e->brick].first + V_LANES * i, &b)) color(g, &b, t);
 }
 
 /* ---- light ---- */
@@ -344,6 +397,11 @@ static void shade_tile(const tc_splat_args *g, const tc_splat_tile *t, float *ou
       vf weight = sum_at(t, TC_SUM_WEIGHT, p), share = v_set(1) / v_max(weight, v_set(1));
       vf alpha = v_min(weight * v_set(1 / g->full), v_set(1));
       alpha = v_select(v_lt(v_load(t->depth + p), v_set(INFINITY)), v_set(1), alpha); /* a core covers all */
+      float *to = out + (y * t->width + x) * 4;
+      if (!m_any(v_lt(v_set(0), alpha))) {
+        memset(to, 0, 4 * sizeof *to * (size_t)MIN(V_LANES, t->width - x));
+        continue;
+      }
       vf4 c = {v_set(g->color[0]), v_set(g->color[1]), v_set(g->color[2]), v_set(1)};
       if (g->matter.of) {
         vf each = share * v_set(1 / 255.f);
@@ -364,7 +422,7 @@ static void shade_tile(const tc_splat_args *g, const tc_splat_tile *t, float *ou
       v_store(lanes[0], c.r * alpha), v_store(lanes[1], c.g * alpha), v_store(lanes[2], c.b * alpha),
           v_store(lanes[3], alpha);
       for (int i = 0; i < V_LANES && x + i < t->width; i++)
-        for (int k = 0; k < 4; k++) out[(y * t->width + x + i) * 4 + k] = lanes[k][i];
+        for (int k = 0; k < 4; k++) to[4 * i + k] = lanes[k][i];
     }
 }
 
@@ -438,14 +496,14 @@ static void put_sheet(const tc_splat_args *g, const tc_splat_entry *e, int axis,
   float here[V_LANES], rgbk[V_LANES][4];
   batch b;
   for (uint32_t first = brick[0].first; first < brick[1].first; first += V_LANES) {
-    if (leaves(g, brick, first, t)) return;
+    if (leaves(g, (first - brick[0].first) / V_LANES, t)) return;
     vm wanted = in_sheet(e, first, axis, at);
-    if (!m_any(wanted) || !project(g, e, t, first, 1, &b)) continue;
+    if (!m_any(wanted) || !project(g, e, t, first, &b)) continue;
     v_store(here, v_select(wanted, v_set(1), v_set(0)));
     look_up_matter(g, e, first, &b, here, t, rgbk);
     for (int i = 0; i < V_LANES; i++) {
       if (!(rgbk[i][3] > 0)) continue;
-      const reach r = reach_of(&b, i);
+      const reach r = reach_of(b.box, i);
       add_matter(g, &b, i, &r, rgbk[i], t);
       t->drawn++;
     }
