@@ -7,8 +7,8 @@
 #include "renderer/base/vector.h"
 #include "renderer/splat/normal.h"
 
-#define REACH 2 /* rows beside a layer of bricks that normals look at */
-#define ROWS (TC_SPLAT_BRICK + 2 * REACH)
+#define REACH 2                           /* voxels beside a brick that normals look at */
+#define ACROSS (TC_SPLAT_BRICK + 2 * REACH) /* columns of a brick and beside it, along x and along y */
 
 /* Bricks and words in the making, brick after brick. */
 typedef struct pile {
@@ -26,9 +26,13 @@ static void pile_free(pile p) {
   if (p.insets) g_array_unref(p.insets);
 }
 
-static void begin_brick(const pile *p, int x, int y, int z, bool cap) {
-  const tc_splat_brick brick = {.at = {(int16_t)x, (int16_t)y, (int16_t)z}, .cap = cap, .first = p->words->len};
+/* Returns its first word's number, which the brick itself holds only while there are not too many. */
+static uint32_t begin_brick(const pile *p, const int at[3], bool cap) {
+  const tc_splat_brick brick = {.first = p->words->len & TC_SPLAT_MOST, /* checked when piles are joined */
+                                .x = (unsigned)at[0] & 2047, .y = (unsigned)at[1] & 2047, .z = (unsigned)at[2] & 2047,
+                                .cap = cap};
   g_array_append_val(p->bricks, brick);
+  return p->words->len;
 }
 
 static bool is_thin(unsigned faces) { return (faces & faces >> 1 & 0x15) != 0; }
@@ -42,13 +46,12 @@ static void add_word(const pile *p, const int at[3], unsigned faces, const doubl
                         (uint32_t)folded[0] << 18 | (uint32_t)folded[1] << 25;
   g_array_append_val(p->words, word);
   g_array_append_val(p->insets, inset);
-  g_array_index(p->bricks, tc_splat_brick, p->bricks->len - 1).faces |= (uint8_t)faces;
+  g_array_index(p->bricks, tc_splat_brick, p->bricks->len - 1).faces |= faces & 63;
 }
 
 /* The last brick's splats by their free faces: neighbours in memory look away from the eye together. */
-static void sort_by_faces(const pile *p) {
+static void sort_by_faces(const pile *p, uint32_t first) {
   enum { most = TC_SPLAT_BRICK * TC_SPLAT_BRICK * TC_SPLAT_BRICK };
-  const uint32_t first = g_array_index(p->bricks, tc_splat_brick, p->bricks->len - 1).first;
   const uint32_t n = p->words->len - first;
   uint32_t *words = &g_array_index(p->words, uint32_t, first), from[most], next[65] = {0};
   uint8_t *insets = &g_array_index(p->insets, uint8_t, first), own[most];
@@ -61,11 +64,11 @@ static void sort_by_faces(const pile *p) {
   }
 }
 
-static void end_brick(const pile *p, bool sort) {
-  if (g_array_index(p->bricks, tc_splat_brick, p->bricks->len - 1).first == p->words->len)
+static void end_brick(const pile *p, uint32_t first, bool sort) {
+  if (first == p->words->len)
     g_array_set_size(p->bricks, p->bricks->len - 1);
   else if (sort)
-    sort_by_faces(p);
+    sort_by_faces(p, first);
 }
 
 void tc_splats_free(tc_splats *splats) {
@@ -116,13 +119,19 @@ static tc_splats *join(const pile *piles, int count, GError **error) {
 
 /* ---- surfaces ---- */
 
+/* The columns of the bricks of one x and y, and beside them. */
+typedef struct block {
+  uint64_t *bits;     /* [ACROSS][words][ACROSS]: what is filled, rows of y and z of x */
+  int x0, from, to;   /* its first column; voxels from..to - 1 along z hold all that is filled */
+} block;
+
 typedef struct building {
   const tc_vmd *model;
   tc_splat_normals normals;
   bool everything;
   int words;
-  uint64_t **bits; /* [threads][ROWS][words][nx]: what is filled in the rows of a layer and beside it */
-  pile *piles;     /* [layers] */
+  block *blocks; /* [threads] */
+  pile *piles;   /* [layers] */
   const tc_halt *halt;
   atomic_bool left;
 } building;
@@ -135,23 +144,39 @@ static void set_bits(uint64_t *column, size_t stride, int z, int count) {
   }
 }
 
-static void read_row(const building *b, int y, uint64_t *bits) {
-  const size_t nx = (size_t)b->model->head.grid.dims[0];
-  memset(bits, 0, (size_t)b->words * nx * sizeof *bits);
-  for (int x = 0; x < (int)nx; x++)
-    for (tc_vmd_run run = {.at = tc_vmd_column(b->model, x, y)}; tc_vmd_next(b->model, &run);)
-      set_bits(bits + x, nx, run.z, run.count);
+/* Where along z columns of a model from `at` on are filled; false: nowhere. bits: as a block's, or NULL. */
+static bool read_columns(const tc_vmd *model, const int at[2], int across, uint64_t *bits, int words, int range[2]) {
+  range[0] = model->head.grid.dims[2], range[1] = 0;
+  for (int r = 0; r < across; r++)
+    for (int c = 0; c < across; c++)
+      for (tc_vmd_run run = {.at = tc_vmd_column(model, at[0] + c, at[1] + r)}; tc_vmd_next(model, &run);) {
+        range[0] = MIN(range[0], run.z), range[1] = MAX(range[1], run.z + run.count);
+        if (bits) set_bits(bits + (size_t)r * (size_t)words * (size_t)across + c, (size_t)across, run.z, run.count);
+      }
+  return range[0] < range[1];
+}
+
+/* What the block held is cleared first: it costs what is filled, not the grid. */
+static void read_block(const building *b, int bx, int by, block *to) {
+  const size_t row = (size_t)b->words * ACROSS, first = (size_t)(to->from / 64) * ACROSS;
+  int range[2];
+  for (int r = 0; r < ACROSS && to->from < to->to; r++)
+    memset(to->bits + (size_t)r * row + first, 0, ((size_t)((to->to - 1) / 64 + 1) * ACROSS - first) * sizeof *to->bits);
+  to->x0 = bx * TC_SPLAT_BRICK - REACH;
+  const int at[2] = {to->x0, by * TC_SPLAT_BRICK - REACH};
+  read_columns(b->model, at, ACROSS, to->bits, b->words, range);
+  to->from = range[0], to->to = range[1];
 }
 
 /* Of a row, bits z .. z + 15 of column x (z a multiple of 16) from bit 0, the neighbours' on either side of them. */
 typedef struct window {
   const uint64_t *bits;
-  int nx, words;
+  int x0, words; /* its first column */
 } window;
 
 static uint64_t slice(const window *w, int x, int z) {
-  if (x < 0 || x >= w->nx || z < 0 || z >= w->words * 64) return 0;
-  return w->bits[(size_t)(z / 64) * (size_t)w->nx + (size_t)x] >> z % 64 & 0xffff;
+  if (z < 0 || z >= w->words * 64) return 0;
+  return w->bits[(size_t)(z / 64) * ACROSS + (size_t)(x - w->x0)] >> z % 64 & 0xffff;
 }
 
 /* 20 bits: z - 2 .. z + 17. */
@@ -169,15 +194,15 @@ static void to_lps(const tc_volume_desc *d, const double index[3], double lps[3]
 
 #define CUT_AREA 28 /* of a 5x5x5 cube by a plane near its middle: 25 to 32.5 */
 
-/* A voxel, and the bits of its row of columns; those of the rows beside it are `row_words` before and behind. */
+/* A voxel, and the bits of its row of columns; those of the rows beside it are before and behind. */
 typedef struct place {
   const uint64_t *row;
-  ptrdiff_t row_words;
+  int x0; /* the row's first column */
   int at[3];
 } place;
 
 static window window_of(const building *b, const place *p, int dy) {
-  return (window){p->row + dy * p->row_words, b->model->head.grid.dims[0], b->words};
+  return (window){p->row + (ptrdiff_t)dy * b->words * ACROSS, p->x0, b->words};
 }
 
 /* The free side of the 5x5x5 voxels around one: minus the sum of places that are filled; and how far away the surface
@@ -287,30 +312,35 @@ static void add_slice(const building *b, const pile *to, const place *first) {
   }
 }
 
+static void build_brick(const building *b, const block *from, const int brick[3], const pile *to) {
+  const int *dims = b->model->head.grid.dims, x0 = brick[0] * TC_SPLAT_BRICK, y0 = brick[1] * TC_SPLAT_BRICK;
+  const uint32_t first = begin_brick(to, brick, false);
+  for (int y = y0; y < MIN(y0 + TC_SPLAT_BRICK, dims[1]); y++) {
+    place at = {from->bits + (size_t)(y - y0 + REACH) * (size_t)b->words * ACROSS, from->x0,
+                {0, y, brick[2] * TC_SPLAT_BRICK}};
+    const window row = window_of(b, &at, 0);
+    for (at.at[0] = x0; at.at[0] < MIN(x0 + TC_SPLAT_BRICK, dims[0]); at.at[0]++)
+      if (slice(&row, at.at[0], at.at[2])) add_slice(b, to, &at);
+  }
+  end_brick(to, first, !b->everything);
+}
+
 static void build_layer(void *context, int layer, int worker) {
   building *b = context;
-  const int *dims = b->model->head.grid.dims, y0 = layer * TC_SPLAT_BRICK;
-  const size_t row_words = (size_t)b->words * (size_t)dims[0];
-  uint64_t *bits = b->bits[worker];
-  const pile p = b->piles[layer] = pile_new();
-  if (y0 >= b->model->first[1] + b->model->size[1] || y0 + TC_SPLAT_BRICK <= b->model->first[1]) return;
-  for (int r = 0; r < ROWS; r++) read_row(b, y0 - REACH + r, bits + (size_t)r * row_words);
   const int *first = b->model->first, *size = b->model->size; /* where columns are */
-  for (int bz = 0; bz * TC_SPLAT_BRICK < dims[2]; bz++)
-    for (int bx = first[0] / TC_SPLAT_BRICK; bx * TC_SPLAT_BRICK < first[0] + size[0]; bx++) {
+  const pile p = b->piles[layer] = pile_new();
+  if (layer * TC_SPLAT_BRICK >= first[1] + size[1] || (layer + 1) * TC_SPLAT_BRICK <= first[1]) return;
+  block *from = &b->blocks[worker];
+  for (int bx = first[0] / TC_SPLAT_BRICK; bx * TC_SPLAT_BRICK < first[0] + size[0]; bx++) {
+    read_block(b, bx, layer, from);
+    for (int bz = from->from / TC_SPLAT_BRICK; bz * TC_SPLAT_BRICK < from->to; bz++) {
       if (tc_halt_within(b->halt)) {
         atomic_store(&b->left, true);
         return;
       }
-      begin_brick(&p, bx, layer, bz, false);
-      for (int y = y0; y < MIN(y0 + TC_SPLAT_BRICK, dims[1]); y++) {
-        place at = {bits + (size_t)(y - y0 + REACH) * row_words, (ptrdiff_t)row_words, {0, y, bz * TC_SPLAT_BRICK}};
-        const window row = window_of(b, &at, 0);
-        for (at.at[0] = bx * TC_SPLAT_BRICK; at.at[0] < MIN((bx + 1) * TC_SPLAT_BRICK, dims[0]); at.at[0]++)
-          if (slice(&row, at.at[0], at.at[2])) add_slice(b, &p, &at);
-      }
-      end_brick(&p, !b->everything);
+      build_brick(b, from, (int[]){bx, layer, bz}, &p);
     }
+  }
 }
 
 tc_splats *tc_splats_build(const tc_vmd *model, tc_splat_normals normals, bool everything, tc_pool *pool,
@@ -324,9 +354,9 @@ tc_splats *tc_splats_build(const tc_vmd *model, tc_splat_normals normals, bool e
                 .halt = tc_pool_halt(pool)};
   const tc_vmd_attribute *own = tc_vmd_attribute_named(&model->head, "normal");
   if (!normals.of && own && own->type == TC_VMD_NORMAL) b.normals = (tc_splat_normals){tc_vmd_own_normal, model};
-  bool good = (b.piles = calloc((size_t)layers, sizeof *b.piles)) && (b.bits = calloc((size_t)threads, sizeof *b.bits));
+  bool good = (b.piles = calloc((size_t)layers, sizeof *b.piles)) && (b.blocks = calloc((size_t)threads, sizeof *b.blocks));
   for (int i = 0; i < threads && good; i++)
-    good = (b.bits[i] = malloc((size_t)ROWS * (size_t)b.words * (size_t)dims[0] * sizeof **b.bits)) != NULL;
+    good = (b.blocks[i].bits = calloc((size_t)b.words * ACROSS * ACROSS, sizeof *b.blocks->bits)) != NULL;
   tc_splats *s = NULL;
   if (!good)
     tc_set_error(error, TC_ERROR_MEMORY, NULL, "splats: out of memory");
@@ -335,9 +365,9 @@ tc_splats *tc_splats_build(const tc_vmd *model, tc_splat_normals normals, bool e
   else
     s = join(b.piles, layers, error);
   for (int i = 0; b.piles && i < layers; i++) pile_free(b.piles[i]);
-  for (int i = 0; b.bits && i < threads; i++) free(b.bits[i]);
+  for (int i = 0; b.blocks && i < threads; i++) free(b.blocks[i].bits);
   free(b.piles);
-  free(b.bits);
+  free(b.blocks);
   return s;
 }
 
@@ -420,23 +450,44 @@ static bool meets_brick(const cutting *c, const int at[3]) {
   return false;
 }
 
+/* The bricks of one x and y, from the first voxel along z to the last. */
+static void cut_bricks(const cutting *c, int bx, int by) {
+  const int *dims = c->model->head.grid.dims, x0 = bx * TC_SPLAT_BRICK, y0 = by * TC_SPLAT_BRICK;
+  int range[2];
+  if (!read_columns(c->model, (int[]){x0, y0}, TC_SPLAT_BRICK, NULL, 0, range)) return;
+  for (int bz = range[0] / TC_SPLAT_BRICK; bz * TC_SPLAT_BRICK < range[1]; bz++) {
+    const int at[3] = {bx, by, bz};
+    if (!meets_brick(c, at)) continue;
+    const uint32_t first = begin_brick(&c->out, at, true);
+    for (int y = y0; y < MIN(y0 + TC_SPLAT_BRICK, dims[1]); y++)
+      for (int x = x0; x < MIN(x0 + TC_SPLAT_BRICK, dims[0]); x++) cut_column(c, x, y, bz);
+    end_brick(&c->out, first, true);
+  }
+}
+
+/* Whether any plane passes through any brick of one x and y. */
+static bool meets_bricks(const cutting *c, int bx, int by) {
+  for (int i = 0; i < c->n_planes; i++) {
+    const double *p = c->planes[i], depth = 0.5 * (c->model->head.grid.dims[2] - 1);
+    const double middle = distance(p, bx * TC_SPLAT_BRICK, by * TC_SPLAT_BRICK, 0) + 7.5 * (p[0] + p[1]) + depth * p[2];
+    const double half = 7.5 * (fabs(p[0]) + fabs(p[1])) + depth * fabs(p[2]);
+    if (middle + half >= 0 && middle - half <= c->reach[i]) return true;
+  }
+  return false;
+}
+
 tc_splats *tc_splats_cut(const tc_vmd *model, const double planes[][4], int n_planes, const tc_halt *halt,
                          GError **error) {
-  const int *dims = model->head.grid.dims;
+  const int *first = model->first, *size = model->size;
   bool left = false;
   cutting c = {.model = model, .planes = planes, .n_planes = n_planes, .out = pile_new()};
   for (int i = 0; i < n_planes; i++)
     c.reach[i] = fmax(fabs(planes[i][0]), fmax(fabs(planes[i][1]), fabs(planes[i][2])));
-  for (int bz = 0; bz * TC_SPLAT_BRICK < dims[2] && !left; bz++)
-    for (int by = 0; by * TC_SPLAT_BRICK < dims[1] && !left; by++)
-      for (int bx = 0; bx * TC_SPLAT_BRICK < dims[0] && !left; bx++) {
-        left = tc_halt_within(halt);
-        if (!meets_brick(&c, (int[]){bx, by, bz})) continue;
-        begin_brick(&c.out, bx, by, bz, true);
-        for (int y = by * TC_SPLAT_BRICK; y < MIN((by + 1) * TC_SPLAT_BRICK, dims[1]); y++)
-          for (int x = bx * TC_SPLAT_BRICK; x < MIN((bx + 1) * TC_SPLAT_BRICK, dims[0]); x++) cut_column(&c, x, y, bz);
-        end_brick(&c.out, true);
-      }
+  for (int by = first[1] / TC_SPLAT_BRICK; by * TC_SPLAT_BRICK < first[1] + size[1] && !left; by++)
+    for (int bx = first[0] / TC_SPLAT_BRICK; bx * TC_SPLAT_BRICK < first[0] + size[0] && !left; bx++) {
+      left = tc_halt_within(halt);
+      if (meets_bricks(&c, bx, by)) cut_bricks(&c, bx, by);
+    }
   tc_splats *s = left ? NULL : join(&c.out, 1, error);
   if (left) tc_halt_say(halt, error);
   pile_free(c.out);

@@ -19,18 +19,24 @@
 #define TC_SPLAT_BRICK 16        /* voxels along an edge */
 #define TC_SPLAT_PAD 16          /* words that may be read after the last */
 #define TC_SPLAT_LONG 1.3        /* half length of a line's kernel over a usual kernel's */
-#define TC_SPLAT_MOST (1u << 24) /* splats of a model: sums over any pixel stay below 2^31 */
+#define TC_SPLAT_MOST ((1u << 24) - 1) /* splats of a model: sums over any pixel stay below 2^31 */
 
 /* In bits 6 and 7 of a thin voxel's inset: what its filled neighbours (of 26) form. A line's normal is its direction,
  * an end's too; a dot has none. */
 typedef enum tc_splat_thin { TC_SPLAT_SHEET, TC_SPLAT_LINE, TC_SPLAT_END, TC_SPLAT_DOT } tc_splat_thin;
 
+/* Eight bytes, which few splats share where an object is thin. */
 typedef struct tc_splat_brick {
-  int16_t at[3];  /* in bricks */
-  uint8_t faces;  /* of any of its splats */
-  uint8_t cap;    /* its splats are a cut's: clipping left them */
-  uint32_t first; /* of its splats, which are sorted by their free faces; they end where the next brick's begin */
+  uint64_t first : 24; /* of its splats, which are sorted by their free faces; they end where the next brick's begin */
+  uint64_t x : 11, y : 11, z : 11; /* in bricks: those of TC_VMD_SIDE voxels */
+  uint64_t faces : 6;              /* of any of its splats */
+  uint64_t cap : 1;                /* its splats are a cut's: clipping left them */
 } tc_splat_brick;
+
+/* A brick's place along an index axis, in bricks. */
+static inline int tc_splat_brick_at(const tc_splat_brick *brick, int axis) {
+  return (int)(axis == 0 ? brick->x : axis == 1 ? brick->y : brick->z);
+}
 
 typedef struct tc_splats {
   tc_splat_brick *bricks; /* [n_bricks + 1] */

@@ -206,7 +206,7 @@ static bool set_clipped(const drawing *d, tc_splat_entry *e) {
     const double *p = d->planes[i];
     double middle = p[3], half = 0;
     for (int k = 0; k < 3; k++) {
-      middle += p[k] * (brick->at[k] * TC_SPLAT_BRICK + 7.5);
+      middle += p[k] * (tc_splat_brick_at(brick, k) * TC_SPLAT_BRICK + 7.5);
       half += fabs(p[k]) * 7.5;
     }
     e->clipped |= middle - half < 1e-3;
@@ -252,12 +252,12 @@ static bool enter(const drawing *d, const tc_splats *of, uint32_t brick, double 
     double at = d->to_view[r][3];
     half[r] = 0;
     for (int k = 0; k < 3; k++) {
-      at += d->to_view[r][k] * b->at[k] * TC_SPLAT_BRICK;
+      at += d->to_view[r][k] * tc_splat_brick_at(b, k) * TC_SPLAT_BRICK;
       half[r] += fabs(d->to_view[r][k]) * reach;
     }
     e->at[r] = (float)at;
     middle[r] = at + 7.5 * (d->to_view[r][0] + d->to_view[r][1] + d->to_view[r][2]);
-    e->eye[r] = (float)(d->eye[r] - b->at[r] * TC_SPLAT_BRICK);
+    e->eye[r] = (float)(d->eye[r] - tc_splat_brick_at(b, r) * TC_SPLAT_BRICK);
   }
   set_seen(e);
   if (!set_clipped(d, e) && d->args.culling) return false;
@@ -378,6 +378,10 @@ int tc_splat_sheet_axis(const tc_splat_args *g) {
   return axis;
 }
 
+static int layer_of(const tc_splat_entry *e, int axis) {
+  return tc_splat_brick_at(&e->of->bricks[e->brick], axis);
+}
+
 /* Entries by layers of bricks along the axis. */
 static bool sort_layers(drawing *d, GError **error) {
   const int axis = tc_splat_sheet_axis(&d->args),
@@ -390,10 +394,9 @@ static bool sort_layers(drawing *d, GError **error) {
     return false;
   }
   int *next = d->layers + 1; /* becomes the layers' ends */
-  for (int i = 0; i < d->n_entries; i++) next[1 + d->entries[i].of->bricks[d->entries[i].brick].at[axis]]++;
+  for (int i = 0; i < d->n_entries; i++) next[1 + layer_of(&d->entries[i], axis)]++;
   for (int l = 0; l < n; l++) next[l + 1] += next[l];
-  for (int i = 0; i < d->n_entries; i++)
-    sorted[next[d->entries[i].of->bricks[d->entries[i].brick].at[axis]]++] = d->entries[i];
+  for (int i = 0; i < d->n_entries; i++) sorted[next[layer_of(&d->entries[i], axis)]++] = d->entries[i];
   free(d->entries);
   d->entries = sorted;
   return true;

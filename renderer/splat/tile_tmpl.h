@@ -47,10 +47,10 @@ V_INLINE vi seen_faces(const tc_splat_entry *e, const vf d[3]) {
 }
 
 V_INLINE vm kept_by_planes(const tc_splat_args *g, const tc_splat_entry *e, const vf d[3], vm alive) {
-  const int16_t *at = e->of->bricks[e->brick].at;
+  const tc_splat_brick b = e->of->bricks[e->brick];
   for (int i = 0; i < g->n_planes; i++) {
     const double *p = g->planes[i];
-    float start = (float)(p[3] + TC_SPLAT_BRICK * (p[0] * at[0] + p[1] * at[1] + p[2] * at[2]));
+    float start = (float)(p[3] + TC_SPLAT_BRICK * (p[0] * b.x + p[1] * b.y + p[2] * b.z));
     vf away =
         v_fma(d[2], v_set((float)p[2]), v_fma(d[1], v_set((float)p[1]), v_fma(d[0], v_set((float)p[0]), v_set(start))));
     alive = m_and(alive, v_le(v_set(0), away));
@@ -298,12 +298,11 @@ static void put_depths(const tc_splat_args *g, const tc_splat_entry *e, tc_splat
 V_INLINE void add_to(float *p, vi amount) { v_store(p, v_from_bits(v_addi(v_bits(v_load(p)), amount))); }
 
 V_INLINE void look_at_voxel(const tc_splat_args *g, const tc_splat_entry *e, uint32_t splat, float rgbk[4]) {
-  const int16_t *at = e->of->bricks[e->brick].at;
+  const tc_splat_brick *brick = &e->of->bricks[e->brick];
   const uint32_t word = e->of->words[splat];
-  g->matter.of(
-      g->matter.user,
-      (int[]){at[0] * 16 + (int)(word & 15), at[1] * 16 + (int)(word >> 4 & 15), at[2] * 16 + (int)(word >> 8 & 15)},
-      rgbk);
+  int at[3];
+  for (int k = 0; k < 3; k++) at[k] = tc_splat_brick_at(brick, k) * TC_SPLAT_BRICK + (int)(word >> 4 * k & 15);
+  g->matter.of(g->matter.user, at, rgbk);
 }
 
 V_INLINE bool is_thin(uint32_t word) { return (word >> 12 & word >> 13 & 0x15) != 0; }

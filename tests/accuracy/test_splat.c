@@ -178,6 +178,17 @@ static double tubes(double x, double y, double z, const void *context) {
   return *(const double *)context - nearest;
 }
 
+/* Memory follows what is seen, also where few splats share a brick. */
+TEST(thin_objects_take_six_bytes_a_splat) {
+  object objects[] = {object_of(&cube, tubes, &(double){1.6}), object_of(&cube, tubes, &(double){0.8})};
+  for (int i = 0; i < 2; i++) {
+    const tc_splats *s = objects[i].splats;
+    print_message("%u splats in %u bricks: %.2f bytes each\n", s->n, s->n_bricks, (double)s->bytes / s->n);
+    assert_true(s->bytes <= 6 * (size_t)s->n);
+    object_free(&objects[i]);
+  }
+}
+
 /* Outlines of voxels of nine pixels are the surface's, not a chain of beads: pixels apart, in the mean over the
  * isosurface's outline. */
 static void expect_outlines(test_field of, const void *context, double most) {

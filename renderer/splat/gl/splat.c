@@ -112,7 +112,7 @@ static bool pack_looks(const void *thing, void *bytes, const tc_halt *halt) {
       const uint32_t word = p->of->words[i];
       int at[3];
       uint16_t entries[2];
-      for (int k = 0; k < 3; k++) at[k] = brick->at[k] * TC_SPLAT_BRICK + (int)(word >> 4 * k & 15);
+      for (int k = 0; k < 3; k++) at[k] = tc_splat_brick_at(brick, k) * TC_SPLAT_BRICK + (int)(word >> 4 * k & 15);
       tc_splat_look_at(p->look, at, entries);
       looks[i] = entries[0] | (uint32_t)entries[1] << 16;
     }
@@ -164,7 +164,7 @@ static void put_entry(drawing *d, const tc_splat_entry *e) {
   for (int k = 0; k < 3; k++) to->at[k] = e->at[k], to->eye[k] = e->eye[k];
   for (int i = 0; i < d->of.args.n_planes; i++) {
     const double *p = d->of.planes[i];
-    to->starts[i] = (float)(p[3] + TC_SPLAT_BRICK * (p[0] * brick->at[0] + p[1] * brick->at[1] + p[2] * brick->at[2]));
+    to->starts[i] = (float)(p[3] + TC_SPLAT_BRICK * (p[0] * brick->x + p[1] * brick->y + p[2] * brick->z));
   }
   to->words[2] = e->seen | (uint32_t)e->mixed << 8 | (uint32_t)e->clipped << 9;
   d->n[e->of != d->of.of]++;
@@ -226,7 +226,7 @@ static bool run_pass(drawing *d, int pass, const int tile[4]) {
 
 /* ---- translucent ---- */
 
-static int layer_of(const tc_splat_entry *e, int axis) { return e->of->bricks[e->brick].at[axis]; }
+static int layer_of(const tc_splat_entry *e, int axis) { return tc_splat_brick_at(&e->of->bricks[e->brick], axis); }
 
 /* The tile's bricks of one layer along the axis. */
 static void collect_layer(drawing *d, const int tile[4], int axis, int layer) {
