@@ -15,6 +15,7 @@
 #define TC_VMD_VERSION 2    /* version 1 is read too; a model keeps the version that it was read with */
 #define TC_VMD_FLAGS_AT 6   /* offset of the u16 flags in a file; 0 means not compressed */
 #define TC_VMD_ATTRIBUTES 8 /* most attributes of a model */
+#define TC_VMD_SIDE 32768   /* most voxels of a grid along an axis; the grid itself may be larger than any memory */
 #define TC_VMD_PALETTE 256
 
 /* How an attribute is stored: the volume's voxel types, and a unit vector in LPS in two bytes (splat/normal.h). */
@@ -106,9 +107,17 @@ typedef struct tc_vmd_source {
   void (*record)(void *user, int x, int y, int z, uint8_t *record); /* not called for records of no bytes */
 } tc_vmd_source;
 
-/* Builds a model, which does not depend on the number of threads and may be empty. TC_ERROR_LIMIT above 4 GiB,
- * TC_ERROR_MEMORY, TC_ERROR_CANCELLED or _PAUSED by the pool's halt. pool may be NULL. */
+/* Builds a model, which does not depend on the number of threads and may be empty. TC_ERROR_LIMIT above 4 GiB or
+ * TC_VMD_SIDE, TC_ERROR_MEMORY, TC_ERROR_CANCELLED or _PAUSED by the pool's halt. pool may be NULL. */
 tc_vmd *tc_vmd_make(const tc_vmd_source *source, tc_pool *pool, GError **error);
+
+/* The voxels of a model whose records are kept (called from any thread); without attributes. */
+typedef struct tc_vmd_part {
+  const tc_vmd *of;
+  bool (*keeps)(const void *user, const uint8_t *record);
+  const void *user;
+} tc_vmd_part;
+tc_vmd *tc_vmd_make_part(const tc_vmd_part *part, tc_pool *pool, GError **error); /* fails as tc_vmd_make() */
 
 typedef struct tc_vmd_wish {
   double low, high; /* voxels with values from low to high, both included, are filled; may be infinite */
@@ -141,6 +150,9 @@ tc_vmd *tc_vmd_decode(const uint8_t *bytes, size_t size, GError **error);
 /* Wraps the model as a volume without a grid, whose values are the attribute "value", else "label", else 1. Takes ownership
  * of the model on success. TC_ERROR_FORMAT for values that are not finite. tc_volume_model() returns the tc_vmd. */
 tc_volume *tc_vmd_volume(tc_vmd *vmd, GError **error);
+/* The other way: a volume with a grid of the values of one without. What is free holds 0; where 0 is not below them all,
+ * 1 less than the least, if the voxel type has that. TC_ERROR_LIMIT, _MEMORY. */
+tc_volume *tc_vmd_grid(const tc_volume *volume, GError **error);
 void tc_vmd_normal(const tc_vmd_attribute *attribute, const uint8_t *record, double normal[3]);
 /* A tc_splat_normals.of: the model's own attribute "normal"; zero where there is none. The distance is unknown. */
 double tc_vmd_own_normal(const void *vmd, int x, int y, int z, double normal[3]);

@@ -62,6 +62,46 @@ tc_volume *tc_vmd_volume(tc_vmd *vmd, GError **error) {
   return tc_volume_of_sparse(&d, &(tc_sparse){vmd, vmd->total_bytes, r.lo, r.hi, voxel, each, free_model}, error);
 }
 
+/* A number as a voxel of a type that has it. */
+static void store(tc_voxel_type type, double number, uint8_t voxel[4]) {
+  switch (type) {
+  case TC_U8: *voxel = (uint8_t)number; break;
+  case TC_I8: memcpy(voxel, &(int8_t){(int8_t)number}, 1); break;
+  case TC_U16: memcpy(voxel, &(uint16_t){(uint16_t)number}, 2); break;
+  case TC_I16: memcpy(voxel, &(int16_t){(int16_t)number}, 2); break;
+  case TC_F32: memcpy(voxel, &(float){(float)number}, 4); break;
+  case TC_VOXEL_TYPE_COUNT: break;
+  }
+}
+
+/* The stored voxel of what is free. */
+static double free_voxel(const tc_volume *volume) {
+  static const double lowest[TC_VOXEL_TYPE_COUNT] = {
+      [TC_I8] = INT8_MIN, [TC_I16] = INT16_MIN, [TC_F32] = -2 * (double)MOST_VALUE};
+  const double least = tc_volume_statistics(volume)->voxel_min;
+  return least > 0 ? 0 : fmax(least - 1, lowest[tc_volume_describe(volume)->type]);
+}
+
+tc_volume *tc_vmd_grid(const tc_volume *volume, GError **error) {
+  const tc_vmd *vmd = tc_volume_model(volume);
+  const tc_volume_desc *d = tc_volume_describe(volume);
+  const tc_vmd_attribute *a = tc_vmd_value_attribute(&vmd->head);
+  const size_t size = tc_voxel_size(d->type), nx = (size_t)d->dims[0], ny = (size_t)d->dims[1];
+  tc_volume *grid = tc_volume_new(d, error);
+  uint8_t blank[4], one[4], *voxels = grid ? tc_volume_voxels(grid) : NULL;
+  if (!grid) return NULL;
+  store(d->type, free_voxel(volume), blank), store(d->type, 1, one);
+  for (size_t i = 0; i < nx * ny * (size_t)d->dims[2]; i++) memcpy(voxels + i * size, blank, size);
+  for (int y = 0; y < d->dims[1]; y++)
+    for (int x = 0; x < d->dims[0]; x++)
+      for (tc_vmd_run run = {.at = tc_vmd_column(vmd, x, y)}; tc_vmd_next(vmd, &run);)
+        for (int i = 0; i < run.count; i++)
+          memcpy(voxels + (((size_t)(run.z + i) * ny + (size_t)y) * nx + (size_t)x) * size,
+                 a ? run.records + (size_t)i * run.step + a->at : one, size);
+  tc_volume_seal(grid);
+  return grid;
+}
+
 void tc_vmd_normal(const tc_vmd_attribute *attribute, const uint8_t *record, double normal[3]) {
   float n[3];
   tc_octahedron_unfold(record[attribute->at], record[attribute->at + 1], 127, n);

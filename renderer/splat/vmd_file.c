@@ -179,12 +179,10 @@ static bool read_grid(tc_reader *r, tc_volume_desc *d) {
 }
 
 static bool read_sizes(tc_reader *r, header *h) {
-  int64_t product = 1;
   bool good = true;
   for (int k = 0; k < 3; k++) {
     uint32_t n = tc_reader_u32(r);
-    good = good && n >= 1 && n <= INT32_MAX && !__builtin_mul_overflow(product, (int64_t)n, &product) &&
-           product <= INT32_MAX;
+    good = good && n >= 1 && n <= TC_VMD_SIDE;
     h->head.grid.dims[k] = good ? (int)n : 1;
   }
   uint32_t rectangle[4];

@@ -6,15 +6,16 @@
 
 typedef struct row {
   GByteArray *bytes, *records; /* records: of one run, on their way into bytes */
-  uint32_t *lengths;           /* [nx]; NULL until it is made */
+  uint32_t *lengths;           /* [size x]; NULL until it is made, and where there are no columns */
 } row;
 
 typedef struct making {
   const tc_vmd_source *source;
-  const int *dims;
+  const int *dims, *first, *size; /* grid; rectangle of columns that are made */
   int words;
   uint64_t **bits; /* [threads][4][words][nx]: the row, its shell, and rows beside it */
-  row *rows;       /* [ny] */
+  row *rows;       /* [size y] */
+  const tc_vmd_part *part; /* NULL: of a source that says which voxels are filled */
   atomic_bool short_of_memory;
 } making;
 
@@ -123,11 +124,56 @@ static void make_row(void *context, int y, int worker) {
   g_clear_pointer(&r->records, g_byte_array_unref);
 }
 
-/* The rectangle of columns that are there; of none, an empty one. */
+/* ---- part of a model: from runs to runs, so that nothing is as large as the grid ---- */
+
+static void end_run(row *r, int *before, int start, int end) {
+  uint8_t none = 0;
+  if (end > start) put_run(r->bytes, (uint32_t)(start - *before), &none, (guint)(end - start), 0, &none);
+  if (end > start) *before = end;
+}
+
+static void put_part(const tc_vmd_part *p, row *r, const uint8_t *column) {
+  const guint empty = r->bytes->len;
+  int before = 0, start = 0, end = 0;
+  for (tc_vmd_run run = {.at = column}; tc_vmd_next(p->of, &run);)
+    for (int i = 0, count; i < run.count; i += count) {
+      const int z = run.z + i;
+      count = run.step ? 1 : run.count; /* those that share a record */
+      if (!p->keeps(p->user, run.records + (size_t)i * run.step)) continue;
+      if (z != end) end_run(r, &before, start, end), start = z;
+      end = z + count;
+    }
+  end_run(r, &before, start, end);
+  if (r->bytes->len > empty) tc_vmd_put_varint(r->bytes, 0);
+}
+
+static void part_row(void *context, int y, int worker) {
+  making *m = context;
+  row *r = &m->rows[y];
+  for (int x = 0; x < m->size[0]; x++) {
+    const uint8_t *column = tc_vmd_column(m->part->of, m->first[0] + x, m->first[1] + y);
+    if (!column) continue;
+    if (!r->lengths) {
+      r->lengths = calloc((size_t)m->size[0], sizeof *r->lengths);
+      if (!r->lengths) {
+        atomic_store(&m->short_of_memory, true);
+        return;
+      }
+      r->bytes = g_byte_array_new();
+    }
+    const guint before = r->bytes->len;
+    put_part(m->part, r, column);
+    r->lengths[x] = r->bytes->len - before;
+  }
+}
+
+/* ---- rows to a model ---- */
+
+/* The rectangle of columns that are there, within the one that was made; of none, an empty one. */
 static void find_rectangle(const making *m, int first[2], int size[2]) {
-  int lo[2] = {m->dims[0], m->dims[1]}, hi[2] = {-1, -1};
-  for (int y = 0; y < m->dims[1]; y++)
-    for (int x = 0; x < m->dims[0]; x++) {
+  int lo[2] = {m->size[0], m->size[1]}, hi[2] = {-1, -1};
+  for (int y = 0; y < m->size[1]; y++)
+    for (int x = 0; m->rows[y].lengths && x < m->size[0]; x++) {
       if (!m->rows[y].lengths[x]) continue;
       lo[0] = MIN(lo[0], x), hi[0] = MAX(hi[0], x);
       lo[1] = MIN(lo[1], y), hi[1] = MAX(hi[1], y);
@@ -138,10 +184,10 @@ static void find_rectangle(const making *m, int first[2], int size[2]) {
   }
 }
 
-static tc_vmd *join(const making *m, GError **error) {
+static tc_vmd *join(const making *m, const tc_vmd_head *head, GError **error) {
   tc_vmd_columns to = {0};
   uint64_t total = 0;
-  for (int y = 0; y < m->dims[1]; y++) total += m->rows[y].bytes->len;
+  for (int y = 0; y < m->size[1]; y++) total += m->rows[y].bytes ? m->rows[y].bytes->len : 0;
   if (total > UINT32_MAX) {
     tc_set_error(error, TC_ERROR_LIMIT, NULL, "voxel model: more than 4 GiB; choose fewer voxels or attributes");
     return NULL;
@@ -152,14 +198,16 @@ static tc_vmd *join(const making *m, GError **error) {
   tc_vmd *v = NULL;
   if (to.bytes && to.lengths) {
     size_t at = 0;
-    for (int y = 0; y < m->dims[1]; y++) {
-      if (m->rows[y].bytes->len) memcpy(to.bytes + at, m->rows[y].bytes->data, m->rows[y].bytes->len);
-      at += m->rows[y].bytes->len;
-    }
-    for (int y = 0; y < to.size[1]; y++)
-      memcpy(to.lengths + (size_t)y * (size_t)to.size[0], m->rows[to.first[1] + y].lengths + to.first[0],
+    for (int y = 0; y < to.size[1]; y++) {
+      const row *r = &m->rows[to.first[1] + y];
+      if (!r->lengths) continue;
+      if (r->bytes->len) memcpy(to.bytes + at, r->bytes->data, r->bytes->len);
+      at += r->bytes->len;
+      memcpy(to.lengths + (size_t)y * (size_t)to.size[0], r->lengths + to.first[0],
              (size_t)to.size[0] * sizeof *to.lengths);
-    v = tc_vmd_new(TC_VMD_VERSION, &m->source->head, &to, error);
+    }
+    for (int k = 0; k < 2; k++) to.first[k] += m->first[k];
+    v = tc_vmd_new(TC_VMD_VERSION, head, &to, error);
   } else {
     tc_set_error(error, TC_ERROR_MEMORY, NULL, "voxel model: no memory for %" G_GUINT64_FORMAT " bytes", total);
   }
@@ -170,35 +218,51 @@ static tc_vmd *join(const making *m, GError **error) {
 
 static bool begin(making *m, tc_pool *pool) {
   const int threads = tc_pool_threads(pool);
+  if (m->part) return (m->rows = calloc((size_t)m->size[1] + 1, sizeof *m->rows)) != NULL;
   const size_t n = (size_t)m->words * (size_t)m->dims[0] * (m->source->shell ? 4 : 1);
   bool good = (m->bits = calloc((size_t)threads, sizeof *m->bits)) != NULL;
   for (int i = 0; i < threads && good; i++) good = (m->bits[i] = malloc(n * sizeof **m->bits)) != NULL;
-  return good && (m->rows = calloc((size_t)m->dims[1], sizeof *m->rows)) != NULL;
+  return good && (m->rows = calloc((size_t)m->size[1], sizeof *m->rows)) != NULL;
 }
 
 static void finish(making *m, tc_pool *pool) {
   for (int i = 0; m->bits && i < tc_pool_threads(pool); i++) free(m->bits[i]);
   free(m->bits);
-  for (int y = 0; m->rows && y < m->dims[1]; y++) {
+  for (int y = 0; m->rows && y < m->size[1]; y++) {
     if (m->rows[y].bytes) g_byte_array_unref(m->rows[y].bytes);
     free(m->rows[y].lengths);
   }
   free(m->rows);
 }
 
-tc_vmd *tc_vmd_make(const tc_vmd_source *source, tc_pool *pool, GError **error) {
-  const int *dims = source->head.grid.dims;
-  making m = {.source = source, .dims = dims, .words = (dims[2] + 63) / 64};
+static tc_vmd *make(making *m, const tc_vmd_head *head, tc_pool *pool, GError **error) {
   tc_vmd *v = NULL;
-  if (!begin(&m, pool)) {
+  if (!begin(m, pool)) {
     tc_set_error(error, TC_ERROR_MEMORY, NULL, "voxel model: out of memory");
-  } else if (!tc_pool_run(pool, dims[1], make_row, &m)) {
+  } else if (!tc_pool_run(pool, m->size[1], m->part ? part_row : make_row, m)) {
     tc_halt_say(tc_pool_halt(pool), error);
-  } else if (atomic_load(&m.short_of_memory)) {
+  } else if (atomic_load(&m->short_of_memory)) {
     tc_set_error(error, TC_ERROR_MEMORY, NULL, "voxel model: out of memory");
   } else {
-    v = join(&m, error);
+    v = join(m, head, error);
   }
-  finish(&m, pool);
+  finish(m, pool);
   return v;
+}
+
+tc_vmd *tc_vmd_make(const tc_vmd_source *source, tc_pool *pool, GError **error) {
+  static const int corner[2] = {0, 0};
+  const int *dims = source->head.grid.dims;
+  making m = {.source = source, .dims = dims, .first = corner, .size = dims, .words = (dims[2] + 63) / 64};
+  if (MAX(dims[0], MAX(dims[1], dims[2])) <= TC_VMD_SIDE) return make(&m, &source->head, pool, error);
+  tc_set_error(error, TC_ERROR_LIMIT, NULL, "voxel model: %dx%dx%d: at most %d voxels along an axis; crop the volume",
+               dims[0], dims[1], dims[2], TC_VMD_SIDE);
+  return NULL;
+}
+
+tc_vmd *tc_vmd_make_part(const tc_vmd_part *part, tc_pool *pool, GError **error) {
+  const tc_vmd *of = part->of;
+  const tc_vmd_head head = {.grid = of->head.grid};
+  making m = {.dims = of->head.grid.dims, .first = of->first, .size = of->size, .part = part};
+  return make(&m, &head, pool, error);
 }

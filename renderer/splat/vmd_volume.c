@@ -56,16 +56,6 @@ static void fill_one_by_one(const subject *s, int y, uint64_t *bits) {
           (uint64_t)is_filled(s, tc_voxel_at(s->d->type, s->data, voxel_index(s, x, y, z))) << z % 64;
 }
 
-static void fill_of_model(const subject *s, int y, uint64_t *bits) {
-  const size_t nx = (size_t)s->d->dims[0];
-  const tc_vmd_attribute *a = tc_vmd_value_attribute(&s->model->head);
-  for (int x = 0; x < s->d->dims[0]; x++)
-    for (tc_vmd_run run = {.at = tc_vmd_column(s->model, x, y)}; tc_vmd_next(s->model, &run);)
-      for (int i = 0; i < run.count; i++)
-        if (is_filled(s, a ? tc_vmd_number(a, run.records + (size_t)i * run.step) : 1))
-          bits[(size_t)((run.z + i) / 64) * nx + (size_t)x] |= 1ull << (run.z + i) % 64;
-}
-
 /* Voxels that are NaN are nothing. */
 static void clear_gaps(const subject *s, int y, uint64_t *bits) {
   const size_t nx = (size_t)s->d->dims[0];
@@ -89,8 +79,8 @@ static void fill_by_range(const subject *s, int y, uint64_t *bits) {
 static void fill(void *user, int y, uint64_t *bits) {
   const subject *s = user;
   if (s->low > s->high && !s->shows) return;
-  if (s->model || s->shows)
-    (s->model ? fill_of_model : fill_one_by_one)(s, y, bits);
+  if (s->shows)
+    fill_one_by_one(s, y, bits);
   else
     fill_by_range(s, y, bits);
   if (tc_volume_gaps(s->volume)) clear_gaps(s, y, bits);
@@ -259,12 +249,21 @@ static bool add_attribute(tc_vmd_head *head, subject *s, const char *name, bool 
                         : "value, normal or user (labels are those of a label map)");
     return false;
   }
-  if (s->model) {
-    tc_set_error(error, TC_ERROR_INVALID, NULL, "attributes: the volume is a run-length model, which has its own");
-    return false;
-  }
   if (at) *at = head->record_bytes;
   return tc_vmd_head_add(head, name, type, error);
+}
+
+static bool keeps(const void *user, const uint8_t *record) {
+  const subject *s = user;
+  const tc_vmd_attribute *a = tc_vmd_value_attribute(&s->model->head);
+  return is_filled(s, a ? tc_vmd_number(a, record) : 1);
+}
+
+static tc_vmd *part_of(const subject *s, const tc_vmd_wish *wish, tc_pool *pool, GError **error) {
+  if (!wish->shell && (!wish->attributes || !*wish->attributes))
+    return tc_vmd_make_part(&(tc_vmd_part){s->model, keeps, s}, pool, error);
+  tc_set_error(error, TC_ERROR_INVALID, NULL, "attributes: the volume is a run-length model, which has its own");
+  return NULL;
 }
 
 static void set_palette(tc_vmd_head *head) {
@@ -280,6 +279,7 @@ static void set_palette(tc_vmd_head *head) {
 tc_vmd *tc_vmd_of_volume(const tc_volume *volume, const tc_vmd_wish *wish, tc_pool *pool, GError **error) {
   subject s = subject_of(volume, wish->low, wish->high);
   s.shows = wish->shows, s.shows_user = wish->user;
+  if (s.model) return part_of(&s, wish, pool, error);
   tc_vmd_source source = {.head = {.grid = *s.d}, .shell = wish->shell, .user = &s, .fill = fill, .record = record};
   char **names = g_strsplit(wish->attributes ? wish->attributes : "", ",", -1);
   bool good = true;

@@ -59,17 +59,9 @@ static bool invert3(const double m[9], double inverse[9]) {
 }
 
 static bool check_grid(const tc_volume_desc *d, GError **error) {
-  uint64_t voxels = 1;
   for (int k = 0; k < 3; k++) {
     if (d->dims[k] < 1) {
       tc_set_error(error, TC_ERROR_INVALID, NULL, "volume: axis %d has %d voxels, at least 1 expected", k, d->dims[k]);
-      return false;
-    }
-    voxels *= (uint64_t)d->dims[k]; /* two factors below 2^31 fit; the product is checked before the third */
-    if (voxels > INT32_MAX) {
-      tc_set_error(error, TC_ERROR_LIMIT, NULL,
-                   "volume: %dx%dx%d is more than 2^31-1 voxels: crop or resample it first", d->dims[0], d->dims[1],
-                   d->dims[2]);
       return false;
     }
     if (!(d->spacing[k] > 0) || !isfinite(d->spacing[k])) {
@@ -116,6 +108,18 @@ static bool normalise_direction(tc_volume_desc *d, double to_index[9], GError **
   return true;
 }
 
+static bool check_voxels(const tc_volume_desc *d, GError **error) {
+  uint64_t voxels = 1;
+  for (int k = 0; k < 3; k++) {
+    voxels *= (uint64_t)MAX(d->dims[k], 1); /* two factors below 2^31 fit; the product is checked before the third */
+    if (voxels <= INT32_MAX) continue;
+    tc_set_error(error, TC_ERROR_LIMIT, NULL, "volume: %dx%dx%d is more than 2^31-1 voxels: crop or resample it first",
+                 d->dims[0], d->dims[1], d->dims[2]);
+    return false;
+  }
+  return true;
+}
+
 /* A volume with its geometry, without voxels. */
 static tc_volume *placed(const tc_volume_desc *desc, GError **error) {
   if (!check_grid(desc, error)) return NULL;
@@ -138,7 +142,7 @@ static tc_volume *placed(const tc_volume_desc *desc, GError **error) {
 }
 
 tc_volume *tc_volume_new(const tc_volume_desc *desc, GError **error) {
-  tc_volume *v = placed(desc, error);
+  tc_volume *v = check_voxels(desc, error) ? placed(desc, error) : NULL;
   if (!v) return NULL;
   v->bytes = (size_t)desc->dims[0] * (size_t)desc->dims[1] * (size_t)desc->dims[2] * tc_voxel_size(desc->type);
   v->mapped_bytes = v->bytes + TAIL_PAD_BYTES;

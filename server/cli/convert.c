@@ -50,6 +50,8 @@ static bool read_numbers(const char *option, const char *text, int count, double
   return good;
 }
 
+static bool names_model(const char *path) { return tc_export_kind_of(path) == TC_EXPORT_MODEL; }
+
 /* A label volume's model holds the voxels above 0. */
 static bool make_wish(const arguments *a, wanted *w, GError **error) {
   double range[2] = {DBL_MIN, INFINITY};
@@ -60,12 +62,14 @@ static bool make_wish(const arguments *a, wanted *w, GError **error) {
   return true;
 }
 
-/* A voxel model needs exactly one option that selects its voxels. */
+/* A voxel model needs exactly one option that selects its voxels, unless it is made of another, whose voxels it has. */
 static bool check_model(const arguments *a, bool model, wanted *w, GError **error) {
   int ways = (a->threshold != NULL) + (a->shell != NULL) + a->labels;
   if (!model && (ways || a->attributes))
     return bad_usage(error, "--threshold, --labels, --iso-shell and --attributes go with .vmd");
   if (!model) return true;
+  if (names_model(a->rest[0]))
+    return !(ways || a->attributes) || bad_usage(error, "IN is a .vmd: OUT has its voxels and attributes");
   return ways == 1 ? make_wish(a, w, error)
                    : bad_usage(error, "a .vmd needs its voxels: --threshold LOW,HIGH, or --labels, or --iso-shell V");
 }
@@ -109,7 +113,7 @@ static bool parse(arguments *a, int argc, char **argv, wanted *w, GError **error
   const tcs_cli_usage usage = {"convert", "IN OUT",
                                "Writes a volume (a file, a folder or demo:NAME) as .nrrd, .mha, .nii or .nii.gz, its "
                                "surface as .ply, .stl or .obj, or an object in it as a run-length voxel model, .vmd; "
-                               "a mesh in .ply, .stl or .obj as another of these.",
+                               "the values of such a model as any of these; a mesh in .ply, .stl or .obj as another of these.",
                                entries};
   if (!tcs_cli_parse(&usage, argc, argv, &a->rest, error)) return false;
   if (!a->rest || g_strv_length(a->rest) != 2)
@@ -206,7 +210,15 @@ static bool write_mesh(tc_mesh *mesh, const wanted *w, const arguments *a, GErro
   return good;
 }
 
+static bool write_file(const tc_vmd *model, const arguments *a, GError **error) {
+  if (!tc_vmd_write(model, a->rest[1], a->gzip, error)) return false;
+  printf("%s: %" G_GUINT64_FORMAT " voxels in %" G_GUINT64_FORMAT " runs, %zu bytes in memory\n", a->rest[1],
+         model->voxels, model->runs, model->total_bytes);
+  return true;
+}
+
 static bool write_model(const tc_volume *volume, const wanted *w, const arguments *a, GError **error) {
+  if (tc_volume_sparse(volume)) return write_file(tc_volume_model(volume), a, error);
   tc_pool *pool = tc_pool_new(a->threads, error);
   tc_vmd *model = pool ? tc_vmd_of_volume(volume, &w->model, pool, error) : NULL;
   tc_pool_free(pool);
@@ -217,10 +229,7 @@ static bool write_model(const tc_volume *volume, const wanted *w, const argument
                  range->min, range->max);
     good = false;
   }
-  good = good && tc_vmd_write(model, a->rest[1], a->gzip, error);
-  if (good)
-    printf("%s: %" G_GUINT64_FORMAT " voxels in %" G_GUINT64_FORMAT " runs, %zu bytes in memory\n", a->rest[1],
-           model->voxels, model->runs, model->total_bytes);
+  good = good && write_file(model, a, error);
   tc_vmd_free(model);
   return good;
 }
@@ -241,13 +250,14 @@ static bool convert(const arguments *a, const wanted *w, GError **error) {
   if (mesh) return write_mesh(mesh, w, a, error);
   if (!volume) return false;
   bool good = false;
-  if (tc_volume_sparse(volume)) {
-    tc_set_error(error, TC_ERROR_UNSUPPORTED, NULL,
-                 "IN is a run-length model, which has no grid: convert the volume it was made of");
-    tc_volume_unref(volume);
-    return false;
+  const tc_export_kind kind = tc_export_kind_of(a->rest[1]);
+  if (tc_volume_sparse(volume) && kind != TC_EXPORT_MODEL) {
+    tc_volume *model = volume;
+    volume = tc_vmd_grid(model, error);
+    tc_volume_unref(model);
+    if (!volume) return false;
   }
-  switch (tc_export_kind_of(a->rest[1])) {
+  switch (kind) {
   case TC_EXPORT_MESH: good = write_mesh(extract(volume, w, a, error), w, a, error); break;
   case TC_EXPORT_MODEL: good = write_model(volume, w, a, error); break;
   case TC_EXPORT_VOLUME:

@@ -215,6 +215,38 @@ TEST(info_for_people_and_programs) {
   refuse(RUN("info", "b.vmd"), 1, "open b.vmd: ");
 }
 
+static void assert_same_files(const char *one, const char *other) {
+  gsize sizes[2];
+  g_autofree char *a = take_file(one, &sizes[0]), *b = take_file(other, &sizes[1]);
+  assert_int_equal(sizes[0], sizes[1]);
+  assert_memory_equal(a, b, sizes[0]);
+}
+
+/* A voxel model is read as well as written: packed and unpacked to the same bytes, and its grid gives the same model. */
+TEST(voxel_models_there_and_back) {
+  accept(RUN("convert", "demo:head", "a.vmd", "--threshold", "300,1e9", "--attributes", "value,normal"));
+  accept(RUN("convert", "a.vmd", "b.vmd", "--gzip"));
+  accept(RUN("convert", "b.vmd", "c.vmd"));
+  assert_same_files("a.vmd", "c.vmd");
+  refuse(RUN("convert", "b.vmd", "c.vmd", "--threshold", "1,2"), 2, "IN is a .vmd");
+  accept(RUN("convert", "b.vmd", "grid.nii.gz"));
+  accept(RUN("convert", "grid.nii.gz", "a.vmd", "--threshold", "300,1e9", "--attributes", "value"));
+  accept(RUN("convert", "demo:head", "b.vmd", "--threshold", "300,1e9", "--attributes", "value"));
+  outcome a = RUN("info", "a.vmd"), b = RUN("info", "b.vmd");
+  assert_string_equal(strstr(a.out, "note "), strstr(b.out, "note "));
+  accept(a), accept(b);
+  /* Labels, and what has no value: 1 where it is filled. */
+  accept(RUN("convert", "demo:head-labels", "a.vmd", "--labels", "--attributes", "label"));
+  accept(RUN("convert", "a.vmd", "grid.nrrd"));
+  accept(RUN("convert", "grid.nrrd", "b.vmd", "--labels", "--attributes", "label"));
+  assert_same_files("a.vmd", "b.vmd");
+  accept(RUN("convert", "demo:bucky", "a.vmd", "--threshold", "100,255"));
+  accept(RUN("convert", "a.vmd", "grid.nrrd"));
+  a = RUN("info", "grid.nrrd");
+  assert_true(strstr(a.out, "range        0 .. 1") != NULL);
+  accept(a);
+}
+
 TEST(meshes_among_each_other) {
   put_file("t.obj", "v 0 0 0\nv 2 0 0\nv 0 2 0\nv 0 0 2\nf 1 3 2\nf 1 2 4\nf 1 4 3\nf 2 3 4\nf 1 1 2\n");
   accept(RUN("convert", "t.obj", "t.stl"));

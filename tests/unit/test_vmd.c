@@ -4,6 +4,7 @@
 #include <zlib.h>
 
 #include "renderer/splat/normal.h"
+#include "renderer/splat/splats.h"
 #include "renderer/splat/vmd.h"
 #include "tests/support/scoped.h"
 
@@ -213,6 +214,25 @@ static bool in_range(int x, int y, int z) {
   return inside && 255 - noise(x, y, z) >= 80;
 }
 
+/* What a range leaves of a model is the model of the volume in that range. */
+TEST(parts_of_models_are_models_of_the_volume) {
+  g_autoptr(tc_pool) pool = tc_pool_new(3, NULL);
+  g_autoptr(tc_volume) v = volume_of(&noisy, stretches);
+  tc_vmd *all = tc_vmd_of_volume(v, &(tc_vmd_wish){.low = 0, .high = INFINITY, .attributes = "value,user"}, NULL, NULL);
+  g_autoptr(tc_volume) sparse = tc_vmd_volume(all, NULL);
+  const double ranges[][2] = {{0, 255}, {100, 200}, {240.5, 300}, {255, 255}, {1e6, 1e7}};
+  for (size_t i = 0; i < G_N_ELEMENTS(ranges); i++) {
+    const tc_vmd_wish wish = {.low = ranges[i][0], .high = ranges[i][1]};
+    g_autoptr(tc_vmd) part = tc_vmd_of_volume(sparse, &wish, pool, NULL);
+    g_autoptr(tc_vmd) whole = tc_vmd_of_volume(v, &wish, pool, NULL);
+    print_message("%g to %g: %llu voxels\n", wish.low, wish.high, (unsigned long long)whole->voxels);
+    expect_same(part, whole);
+  }
+  g_autoptr(GError) error = NULL;
+  assert_null(tc_vmd_of_volume(sparse, &(tc_vmd_wish){.low = 0, .high = 9, .attributes = "value"}, NULL, &error));
+  assert_true(g_error_matches(error, TC_ERROR, TC_ERROR_INVALID));
+}
+
 TEST(a_shell_leaves_out_what_has_six_filled_neighbours) {
   g_autoptr(tc_volume) v = volume_of(&noisy, noise);
   g_autoptr(tc_vmd) m = tc_vmd_of_volume(v, &(tc_vmd_wish){.low = 80, .high = INFINITY, .shell = true}, NULL, NULL);
@@ -303,6 +323,7 @@ TEST(wrong_runs_and_counts_are_refused) {
   } wrong[] = {{4, 3, "version 3"},
                {6, 4, "an unknown flag"},
                {11, 0x7f, "a wild size"},
+               {17, 0x80, "an axis of more than 32768 voxels"},
                {8, 0, "no columns at all"},
                {36, 3, "one column more"},
                {40, 8, "one voxel more"},
@@ -324,6 +345,34 @@ TEST(wrong_runs_and_counts_are_refused) {
     sign(file);
     expect_refused(file, file->len, wrong[i].what);
   }
+}
+
+/* The last columns of the largest grid, of 32 TiB: a volume, and splats, of what is filled. */
+TEST(grids_may_be_larger_than_memory) {
+  const uint32_t dims[3] = {TC_VMD_SIDE, TC_VMD_SIDE, TC_VMD_SIDE}, first[2] = {TC_VMD_SIDE - 2, TC_VMD_SIDE - 2};
+  g_autoptr(tc_vmd) m = few_model("value");
+  g_autoptr(GByteArray) file = tc_vmd_encode(m, false, NULL);
+  memcpy(file->data + 8, dims, sizeof dims);
+  memcpy(file->data + 20, first, sizeof first);
+  sign(file);
+  tc_vmd *large = tc_vmd_decode(file->data, file->len, NULL);
+  assert_non_null(large);
+  g_autoptr(tc_volume) v = tc_vmd_volume(large, NULL);
+  assert_non_null(v);
+  double value;
+  assert_true(tc_volume_voxel(v, (int[]){TC_VMD_SIDE - 1, TC_VMD_SIDE - 1, 0}, &value) && value == 900);
+  tc_splats *s = tc_splats_build(large, (tc_splat_normals){0}, false, NULL, NULL);
+  assert_int_equal(s->n, 7);
+  assert_int_equal(s->n_bricks, 2);
+  for (int i = 0; i < 2; i++)
+    for (int k = 0; k < 3; k++)
+      assert_int_equal(tc_splat_brick_at(&s->bricks[i], k), k < 2 ? TC_VMD_SIDE / TC_SPLAT_BRICK - 1 : 4 * i);
+  /* Cut open between x = -2 and -1, from the end. */
+  const double plane[1][4] = {{-1, 0, 0, TC_VMD_SIDE - 1.5}};
+  tc_splats *cut = tc_splats_cut(large, plane, 1, NULL, NULL);
+  assert_int_equal(cut->n, 6);
+  tc_splats_free(cut);
+  tc_splats_free(s);
 }
 
 TEST(attributes_that_are_not_there_are_refused) {
