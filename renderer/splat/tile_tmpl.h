@@ -333,9 +333,12 @@ V_INLINE void look_up(const tc_splat_args *g, const batch *b, int i, const float
                       const tc_splat_tile *t, int of[6]) {
   const tc_splat_entry *e = b->entry;
   const uint32_t splat = b->first + (uint32_t)i;
-  float n[3] = {normal[0][i], normal[1][i], normal[2][i]}, rgbk[4];
-  if (is_thin(e->of->words[splat])) normal_of(g, e, splat, b->x[i] + (float)t->x0, b->y[i] + (float)t->y0, n);
-  for (int k = 0; k < 3; k++) of[k] = (int)lrintf(n[k] * 127.f);
+  float n[3], rgbk[4];
+  for (int k = 0; k < 3; k++) of[k] = (int)normal[k][i];
+  if (is_thin(e->of->words[splat])) {
+    normal_of(g, e, splat, b->x[i] + (float)t->x0, b->y[i] + (float)t->y0, n);
+    for (int k = 0; k < 3; k++) of[k] = (int)lrintf(n[k] * 127.f);
+  }
   if (!g->matter.of) return;
   look_at_voxel(g, e, splat, rgbk);
   for (int k = 0; k < 3; k++) of[3 + k] = (int)lrintf(rgbk[k] * 255);
@@ -371,7 +374,8 @@ static void color(const tc_splat_args *g, const batch *b, tc_splat_tile *t) {
   float normals[3][V_LANES];
   if (!left) return;
   unfold(v_bits(v_load((const float *)(const void *)(b->entry->of->words + b->first))), normal);
-  for (int k = 0; k < 3; k++) v_store(normals[k], normal[k]);
+  const vf whole = v_set(12582912); /* 1.5 * 2^23: sums with it are whole */
+  for (int k = 0; k < 3; k++) v_store(normals[k], normal[k] * v_set(127) + whole - whole);
   for (; left; left &= left - 1) add_footprint(g, b, __builtin_ctz(left), normals, t);
 }
 
@@ -417,11 +421,9 @@ static void shade_tile(const tc_splat_args *g, const tc_splat_tile *t, float *ou
         for (int k = 0; k < 3; k++) n[k] = v_fnma(behind, l.eye[k], n[k]);
         c = shade(&g->shade, &l, n, n, c);
       }
-      float lanes[4][V_LANES];
-      v_store(lanes[0], c.r * alpha), v_store(lanes[1], c.g * alpha), v_store(lanes[2], c.b * alpha),
-          v_store(lanes[3], alpha);
-      for (int i = 0; i < V_LANES && x + i < t->width; i++)
-        for (int k = 0; k < 4; k++) to[4 * i + k] = lanes[k][i];
+      float lanes[4 * V_LANES];
+      v_store_pixels(lanes, 4, (vf4){c.r * alpha, c.g * alpha, c.b * alpha, alpha});
+      memcpy(to, lanes, 4 * sizeof *to * (size_t)MIN(V_LANES, t->width - x));
     }
 }
 

@@ -18,6 +18,7 @@ static const struct published {
 } published[] = {
     {"chest", 8411000, 382318, 8.4, 1.9}, {"tibia", 72457, 36220, 3.4, 1.1}, {"skull", 122600, 56487, 4.1, 1.3}};
 
+#define ZOOM 1.3
 static const double azimuths[] = {0, 60, 120, 180, 240, 300}; /* Table 2 gives means */
 
 /* Bytes of an object in several representations, with one byte per voxel (like a palette index). */
@@ -27,20 +28,30 @@ typedef struct sizes {
   double voxels;
 } sizes;
 
-/* The object as a grid of ones, and the size of its bounding box. */
-static uint8_t *grid_of(const tc_vmd *m, size_t *bytes, double *box) {
+/* Where the object is: its first voxel along each axis, and how many there are. */
+typedef struct extent {
+  int first[3], size[3];
+} extent;
+
+static extent extent_of(const tc_vmd *m) {
+  int z0 = m->head.grid.dims[2], z1 = 0;
+  for (int y = m->first[1]; y < m->first[1] + m->size[1]; y++)
+    for (int x = m->first[0]; x < m->first[0] + m->size[0]; x++)
+      for (tc_vmd_run run = {.at = tc_vmd_column(m, x, y)}; tc_vmd_next(m, &run);)
+        z0 = MIN(z0, run.z), z1 = MAX(z1, run.z + run.count);
+  return (extent){{m->first[0], m->first[1], z0}, {m->size[0], m->size[1], MAX(z1 - z0, 0)}};
+}
+
+/* The object as a grid of ones. */
+static uint8_t *grid_of(const tc_vmd *m, size_t *bytes) {
   const int *n = m->head.grid.dims;
-  int z0 = n[2], z1 = 0;
   *bytes = (size_t)n[0] * (size_t)n[1] * (size_t)n[2];
   uint8_t *grid = g_try_malloc0(*bytes);
   for (int y = 0; y < n[1] && grid; y++)
     for (int x = 0; x < n[0]; x++)
-      for (tc_vmd_run run = {.at = tc_vmd_column(m, x, y)}; tc_vmd_next(m, &run);) {
-        z0 = MIN(z0, run.z), z1 = MAX(z1, run.z + run.count);
+      for (tc_vmd_run run = {.at = tc_vmd_column(m, x, y)}; tc_vmd_next(m, &run);)
         for (int z = run.z; z < run.z + run.count; z++)
           grid[((size_t)z * (size_t)n[1] + (size_t)y) * (size_t)n[0] + (size_t)x] = 1;
-      }
-  *box = (double)m->size[0] * m->size[1] * MAX(z1 - z0, 0);
   return grid;
 }
 
@@ -75,13 +86,15 @@ static bool measure_shell(const tc_volume *volume, tc_vmd_wish wish, sizes *s, G
 
 static bool measure_sizes(const tc_vmd *m, sizes *s, GError **error) {
   size_t bytes;
-  uint8_t *grid = grid_of(m, &bytes, &s->box);
+  const extent box = extent_of(m);
+  uint8_t *grid = grid_of(m, &bytes);
   uLongf packed = compressBound(bytes);
   uint8_t *to = g_try_malloc(packed);
   GByteArray *plain = tc_vmd_encode(m, false, error), *zipped = plain ? tc_vmd_encode(m, true, error) : NULL;
   bool good = zipped && grid && to && compress2(to, &packed, grid, bytes, 6) == Z_OK;
   if (good) good = (s->nrrd = nrrd_bytes(m, grid, bytes, error)) > 0;
   if (good) {
+    s->box = (double)box.size[0] * box.size[1] * box.size[2];
     s->grid = (double)bytes, s->grid_gzip = (double)packed;
     s->vmd = plain->len, s->vmd_gzip = zipped->len;
     s->memory = (double)m->total_bytes, s->voxels = (double)m->voxels;
@@ -95,22 +108,42 @@ static bool measure_sizes(const tc_vmd *m, sizes *s, GError **error) {
   return good;
 }
 
+/* A view that the object's bounding sphere fills at zoom 1: the model is the object, whatever the volume around it. */
+static void look_at(const tc_volume *volume, const extent *box, double azimuth, tc_camera *camera) {
+  double corner[3], middle[3], square = 0, distance = 0;
+  for (int k = 0; k < 3; k++) corner[k] = box->first[k] - 0.5, middle[k] = corner[k] + 0.5 * box->size[k];
+  tc_volume_index_to_lps(volume, middle, camera->target);
+  tc_volume_index_to_lps(volume, corner, middle);
+  tcs_cli_place_camera(volume, azimuth, 10, 1, camera);
+  for (int k = 0; k < 3; k++) {
+    square += pow(middle[k] - camera->target[k], 2);
+    distance += pow(camera->position[k] - camera->target[k], 2);
+  }
+  camera->fov_y_deg = 2 * asin(sqrt(square / distance)) * 180 / M_PI / ZOOM;
+}
+
 /* Means over the views of the shortest frame without culling, with culling and ray-cast, taken in turn; and of the
- * splats (or samples) drawn. The ratio of the first two bounds the gain of culling if every splat costs the same. */
-static bool measure_times(const tcs_paper_run *run, tc_volume *volume, const tc_scene *from, double ms[3],
-                          double samples[3], GError **error) {
+ * splats (or samples) drawn. The ratio of the first two bounds the gain of culling if every splat costs the same.
+ *
+ * The paper's original splatting applies the kernel to every voxel of the model and adds it to the picture in its
+ * palette's colour. So does splat.culling false here, for interior voxels too, with the same kernel, colours that are
+ * looked up voxel by voxel, and light pixel by pixel; unlike the paper's it goes through all voxels twice, since a pixel
+ * shows what lies within a kernel's depth of its nearest voxel. */
+static bool measure_times(const tcs_paper_run *run, tc_volume *volume, const tc_scene *from, const extent *box,
+                          double ms[3], double samples[3], GError **error) {
   const tc_renderer_options options = {.backend = TC_BACKEND_CPU, .threads = run->threads, .cache_bytes = 2u << 30};
   tc_renderer *renderer = tc_renderer_new(&options, error);
   tc_frame frame = {0};
   tc_scene scene;
   bool good = renderer != NULL;
   tc_scene_copy(&scene, from);
+  if (!scene.splat.attribute[0]) g_strlcpy(scene.splat.attribute, "value", sizeof scene.splat.attribute);
   scene.image.width = scene.image.height = run->size;
   memset(ms, 0, 3 * sizeof *ms);
   memset(samples, 0, 3 * sizeof *samples);
   for (size_t v = 0; v < G_N_ELEMENTS(azimuths) && good; v++) {
     double least[3] = {INFINITY, INFINITY, INFINITY};
-    tcs_cli_place_camera(volume, azimuths[v], 10, 1.3, &scene.camera);
+    look_at(volume, box, azimuths[v], &scene.camera);
     for (int i = 0; i < 3 * (run->runs + 1) && good; i++) {
       scene.mode = i % 3 < 2 ? TC_MODE_SPLAT : TC_MODE_ISOSURFACE;
       scene.splat.culling = i % 3 == 1;
@@ -149,10 +182,11 @@ bool tcs_paper_splat(const tcs_paper_run *run, tc_volume *volume, const char *na
   double ms[3], samples[3];
   tc_vmd *model = tc_vmd_of_volume(volume, &wish, NULL, error);
   bool good = model && measure_sizes(model, &s, error) && measure_shell(volume, wish, &s, error);
+  const extent box = good ? extent_of(model) : (extent){0};
   tc_vmd_free(model);
   tc_scene_copy(&scene, from);
   scene.isosurface.value = scene.splat.threshold[0];
-  good = good && measure_times(run, volume, &scene, ms, samples, error);
+  good = good && measure_times(run, volume, &scene, &box, ms, samples, error);
   tc_scene_clear(&scene);
   if (!good) return false;
   if (run->print)
