@@ -19,7 +19,7 @@ struct tc_object_speed {
 /* Measured over expected time on the machine where the rates were fitted: below 1, because this small object fits the
  * CPU cache. */
 static const double usual[TC_OBJECT_MODES] = {
-    [TC_OBJECT_SPLAT] = 0.92, [TC_OBJECT_ISOSURFACE] = 0.7, [TC_OBJECT_MESH] = 0.85};
+    [TC_OBJECT_SPLAT] = 0.69, [TC_OBJECT_ISOSURFACE] = 0.76, [TC_OBJECT_MESH] = 0.88};
 
 /* Moves each factor to its geometric mean with the mean of all modes. The small object measures instructions alone;
  * with larger objects memory matters too, which modes share. (With scalar rays the factor is 5 here, and 2 to 3 over

@@ -14,9 +14,9 @@
 
 /* Milliseconds per unit of each term, fitted on two threads of an AMD EPYC (Zen 4). */
 static const double rates[TC_OBJECT_MODES][TC_TERM_COUNT] = {
-    [TC_OBJECT_SPLAT] = {0.0884, 0.000639, 0, 0, 0.00283, 0.00598, 0.00978, 0.083, 0},
-    [TC_OBJECT_ISOSURFACE] = {0.119, 0, 0.0185, 6.22e-05, 0.0103, 0, 0, 0, 0.0263},
-    [TC_OBJECT_MESH] = {0.0114, 0.00197, 2.1e-06, 0, 0.00244, 0.0168, 0.0248, 0.0152, 0.00175},
+    [TC_OBJECT_SPLAT] = {0.136, 0, 0, 0, 0.00136, 0.00654, 0.00549, 0.072, 0},
+    [TC_OBJECT_ISOSURFACE] = {0.0506, 0, 0.00941, 0.000171, 0.00882, 0, 0, 0.00296, 0.0152},
+    [TC_OBJECT_MESH] = {0.00126, 0.000108, 0.00076, 0, 0.00221, 0.0122, 0.0218, 0, 0.00135},
 };
 
 tc_mode tc_object_mode_of(tc_object_mode mode) {
