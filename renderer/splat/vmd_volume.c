@@ -19,6 +19,7 @@ struct tc_vmd_subject {
   const void *shows_user;
   double to_index[9];
   int value, label, normal; /* bytes before them in a record; -1: not there */
+  bool steps;               /* values tell filled from free alone: labels, masks */
 };
 typedef struct tc_vmd_subject subject;
 
@@ -104,7 +105,8 @@ static void stored_range(subject *s, double low, double high) {
 
 /* ---- records ---- */
 
-/* How far inside the object, from the nearer end of its range; an end that no voxel is beyond does not count. */
+/* How far inside the object, from the nearer end of its range; an end that no voxel is beyond does not count. Of labels
+ * whether it is. */
 static double inside_at(const subject *s, size_t i) {
   const tc_volume_stats *stats = tc_volume_statistics(s->volume);
   double v = tc_voxel_at(s->d->type, s->data, i), above = v - s->low, below = s->high - v;
@@ -185,13 +187,38 @@ static void slope_within(const subject *s, spot p, double slope[3]) {
   for (int k = 0; k < 3; k++) slope[k] = (inside_of(s, p, k, -1) - inside_of(s, p, k, 1)) / s->d->spacing[k];
 }
 
+#define AROUND 2 /* voxels */
+
+/* The free side of the voxels around one: minus the sum of places that are filled. */
+static void slope_around(const subject *s, spot p, double slope[3]) {
+  int sum[3] = {0};
+  for (int i = 0; i < 125; i++) {
+    const int step[3] = {i % 5 - AROUND, i / 5 % 5 - AROUND, i / 25 - AROUND};
+    bool filled = true;
+    spot q;
+    for (int k = 0; k < 3; k++) {
+      q.at[k] = p.at[k] + step[k];
+      filled = filled && q.at[k] >= 0 && q.at[k] < s->d->dims[k];
+    }
+    if (!filled || inside_at(s, voxel_index(s, q.at[0], q.at[1], q.at[2])) < 0) continue;
+    for (int k = 0; k < 3; k++) sum[k] -= step[k];
+  }
+  for (int k = 0; k < 3; k++) slope[k] = sum[k] / s->d->spacing[k];
+}
+
 double tc_vmd_normal_at(const void *user, int x, int y, int z, double n[3]) {
   const subject *s = user;
   const spot p = {{x, y, z}};
-  double g[3], crossing[6];
+  double g[3], around[3] = {0}, crossing[6];
   normal_of_faces(s, p, g, crossing);
   const double distance = distance_of(s, g, crossing);
-  if (g[0] == 0 && g[1] == 0 && g[2] == 0) slope_within(s, p, g);
+  bool seen = false;
+  for (int f = 0; f < 6; f++) seen = seen || crossing[f] >= 0;
+  if (s->steps && seen) slope_around(s, p, around);
+  if (dot3(around, around) > 0)
+    memcpy(g, around, sizeof g);
+  else if (dot3(g, g) == 0)
+    slope_within(s, p, g);
   /* Covariant: right for any axes. */
   for (int r = 0; r < 3; r++) {
     n[r] = 0;
@@ -221,6 +248,8 @@ static subject subject_of(const tc_volume *volume, double low, double high) {
                .value = -1,
                .label = -1,
                .normal = -1};
+  const tc_volume_stats *range = tc_volume_statistics(volume);
+  s.steps = s.d->type != TC_F32 && range->voxel_max - range->voxel_min <= 1;
   stored_range(&s, low, high);
   tc_volume_lps_to_index_matrix(volume, s.to_index);
   return s;
@@ -287,6 +316,6 @@ tc_vmd *tc_vmd_of_volume(const tc_volume *volume, const tc_vmd_wish *wish, tc_po
     good = add_attribute(&source.head, &s, g_strstrip(*name), wish->labels, error);
   g_strfreev(names);
   if (!good) return NULL;
-  if (s.label >= 0) set_palette(&source.head);
+  if (s.label >= 0) s.steps = true, set_palette(&source.head);
   return tc_vmd_make(&source, pool, error);
 }

@@ -251,13 +251,17 @@ static int ball(int x, int y, int z) {
   return (int)lround(fmin(fmax(100 + 20 * (9 - r), 0), 255));
 }
 
-TEST(normals_point_out_of_the_object) {
+static int mask_of_ball(int x, int y, int z) { return ball(x, y, z) >= 100; }
+
+/* The largest and the mean angle between the normals of a ball's shell and its radii, degrees. */
+static double angle_of_normals(int (*value)(int x, int y, int z), tc_vmd_wish wish, double *mean) {
   const tc_volume_desc desc = {
       .dims = {25, 25, 25}, .type = TC_U8, .spacing = {1, 2, 1}, .slope = 1, .direction = {0, 1, 0, -1, 0, 0, 0, 0, 1}};
-  g_autoptr(tc_volume) v = volume_of(&desc, ball);
-  tc_vmd *m =
-      tc_vmd_of_volume(v, &(tc_vmd_wish){.low = 100, .high = 4000, .shell = true, .attributes = "normal"}, NULL, NULL);
-  double worst = 1;
+  g_autoptr(tc_volume) v = volume_of(&desc, value);
+  wish.high = 4000, wish.shell = true, wish.attributes = "normal";
+  tc_vmd *m = tc_vmd_of_volume(v, &wish, NULL, NULL);
+  double worst = 0, sum = 0;
+  int count = 0;
   for (int i = 0; i < 25 * 25 * 25; i++) {
     const int x = i % 25, y = i / 25 % 25, z = i / 625;
     const uint8_t *record = tc_vmd_voxel(m, x, y, z);
@@ -265,11 +269,26 @@ TEST(normals_point_out_of_the_object) {
     float n[3];
     tc_octahedron_unfold(record[0], record[1], 127, n);
     const double out[3] = {2 * (y - 12), -(x - 12), z - 12}, length = hypot(hypot(out[0], out[1]), out[2]);
-    worst = fmin(worst, ((double)n[0] * out[0] + (double)n[1] * out[1] + (double)n[2] * out[2]) / length);
+    const double cosine = ((double)n[0] * out[0] + (double)n[1] * out[1] + (double)n[2] * out[2]) / length;
+    worst = fmax(worst, acos(fmin(cosine, 1)) * 180 / M_PI);
+    sum += acos(fmin(cosine, 1)) * 180 / M_PI, count++;
   }
-  print_message("furthest from the radius: %.2f degrees\n", acos(worst) * 180 / M_PI);
-  assert_true(worst > cos(8 * M_PI / 180)); /* they are those half a voxel, 1 mm of 9, further out */
   tc_vmd_free(m);
+  *mean = sum / count;
+  return worst;
+}
+
+/* Of values, half a voxel, 1 mm of 9, further out than the voxel; of labels and of masks, from the voxels around, without
+ * the steps of those. */
+TEST(normals_point_out_of_the_object) {
+  double mean, worst = angle_of_normals(ball, (tc_vmd_wish){.low = 100}, &mean);
+  print_message("furthest from the radius: %.2f degrees\n", worst);
+  assert_true(worst < 8);
+  for (int labels = 0; labels < 2; labels++) {
+    worst = angle_of_normals(mask_of_ball, (tc_vmd_wish){.low = 1, .labels = labels}, &mean);
+    print_message("furthest: %.2f degrees, on average %.2f, of a %s\n", worst, mean, labels ? "label" : "mask");
+    assert_true(worst < 20 && mean < 8);
+  }
 }
 
 /* ---- files that are wrong ---- */
