@@ -35,7 +35,7 @@ typedef struct drawing {
   tc_splat_entry *entries; /* nearest first */
   int n_entries, *layers;  /* translucent: entries by layers of bricks along an axis, and each layer's first */
   int *met, *tile_first;   /* opaque: [tiles + 1] each tile's first of met[], the entries whose boxes meet it */
-  tc_splat_tile **tiles;   /* [threads] */
+  tc_splat_tile *tiles;    /* [threads] */
   float *out;              /* [threads][TC_TILE][TC_TILE][4] */
   tc_resolve resolve;
   tc_progress *progress;
@@ -528,7 +528,7 @@ static void draw_tile(void *context, int index, int worker) {
   const tc_frame *f = d->job->frame;
   const int across = (f->width + TC_TILE - 1) / TC_TILE;
   if (d->progress->finished[index]) return;
-  tc_splat_tile *t = d->tiles[worker];
+  tc_splat_tile *t = &d->tiles[worker];
   t->x0 = index % across * TC_TILE, t->y0 = index / across * TC_TILE;
   t->width = MIN(TC_TILE, f->width - t->x0), t->height = MIN(TC_TILE, f->height - t->y0);
   clear_tile(t, &d->args);
@@ -543,9 +543,8 @@ static void draw_tile(void *context, int index, int worker) {
 
 static bool make_tiles(drawing *d, GError **error) {
   const size_t threads = (size_t)tc_pool_threads(d->job->pool);
-  bool good = (d->tiles = calloc(threads, sizeof *d->tiles)) != NULL;
-  for (size_t i = 0; i < threads && good; i++)
-    good = (d->tiles[i] = calloc(1, sizeof **d->tiles)) && (d->tiles[i]->kept = malloc(TC_TILE_KEPT));
+  bool good = (d->tiles = malloc(threads * sizeof *d->tiles)) != NULL;
+  for (size_t i = 0; i < threads && good; i++) memset(&d->tiles[i], 0, offsetof(tc_splat_tile, kept));
   good = good && (d->out = malloc(threads * TC_TILE * TC_TILE * 4 * sizeof *d->out)) != NULL;
   if (!good) tc_set_error(error, TC_ERROR_MEMORY, NULL, "splats: out of memory");
   return good;
@@ -556,7 +555,7 @@ static void count(const drawing *d) {
   *c = (tc_splat_counts){
       .bricks = d->job->splats->n_bricks, .splats = d->job->splats->n, .entries = (uint64_t)d->n_entries};
   for (int i = 0; i < tc_pool_threads(d->job->pool); i++)
-    c->depths += d->tiles[i]->depths, c->drawn += d->tiles[i]->drawn;
+    c->depths += d->tiles[i].depths, c->drawn += d->tiles[i].drawn;
 }
 
 static void set_up(drawing *d) {
@@ -613,10 +612,6 @@ bool tc_splat_draw(const tc_splat_job *job, GError **error) {
     good = d->progress->done == d->progress->units || tc_halt_say(job->halt, error);
   }
   if (good && job->counts) count(d);
-  for (int i = 0; d->tiles && i < tc_pool_threads(job->pool) && d->tiles[i]; i++) {
-    free(d->tiles[i]->kept);
-    free(d->tiles[i]);
-  }
   free(d->tiles);
   free(d->out);
   free(d->entries);

@@ -72,11 +72,11 @@ typedef struct tc_splat_tile {
   float farthest[TC_TILE_BLOCKS][TC_TILE_BLOCKS];
   bool stale[TC_TILE_BLOCKS][TC_TILE_BLOCKS];
   int touched[4];         /* translucent: pixels x0, y0, x1, y1 of the sheet in the making; x1 < x0: none */
-  void *kept;             /* [TC_TILE_KEPT bytes]: splats that the depths so far do not hide, projected */
   int n_kept;             /* batches of them */
   bool keeps;             /* the depth pass adds to them */
   bool left;              /* stopped by the halt: the tile is not finished */
   uint64_t depths, drawn; /* splats that were put into the depths; into the sums */
+  _Alignas(16) uint8_t kept[TC_TILE_KEPT]; /* splats that the depths so far do not hide, projected */
 } tc_splat_tile;
 
 typedef struct tc_splat_kernels {

@@ -285,7 +285,7 @@ static void put_depths(const tc_splat_args *g, const tc_splat_entry *e, tc_splat
   const bool backwards = e->eye[1] > TC_SPLAT_BRICK / 2;
   batch own;
   for (uint32_t i = 0; i < n; i++) {
-    batch *b = t->keeps ? (batch *)t->kept + t->n_kept : &own;
+    batch *b = t->keeps ? (batch *)(void *)t->kept + t->n_kept : &own;
     unsigned front;
     if (leaves(g, i, t)) return;
     if (!project(g, e, t, e->of->bricks[e->brick].first + V_LANES * (backwards ? n - 1 - i : i), b)) continue;
@@ -380,7 +380,7 @@ static void color(const tc_splat_args *g, const batch *b, tc_splat_tile *t) {
 }
 
 static void put_kept(const tc_splat_args *g, tc_splat_tile *t) {
-  for (uint32_t i = 0; i < (uint32_t)t->n_kept && !leaves(g, i, t); i++) color(g, (const batch *)t->kept + i, t);
+  for (uint32_t i = 0; i < (uint32_t)t->n_kept && !leaves(g, i, t); i++) color(g, (const batch *)(const void *)t->kept + i, t);
 }
 
 static void put_colors(const tc_splat_args *g, const tc_splat_entry *e, tc_splat_tile *t) {
