@@ -555,7 +555,7 @@ static void count(const drawing *d) {
   *c = (tc_splat_counts){
       .bricks = d->job->splats->n_bricks, .splats = d->job->splats->n, .entries = (uint64_t)d->n_entries};
   for (int i = 0; i < tc_pool_threads(d->job->pool); i++)
-    c->depths += d->tiles[i].depths, c->drawn += d->tiles[i].drawn;
+    c->visited += d->tiles[i].visited, c->depths += d->tiles[i].depths, c->drawn += d->tiles[i].drawn;
 }
 
 static void set_up(drawing *d) {

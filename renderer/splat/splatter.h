@@ -28,6 +28,7 @@
 typedef struct tc_splat_counts {
   uint64_t bricks, splats; /* of the model */
   uint64_t entries;        /* bricks in the picture */
+  uint64_t visited;        /* splats that were looked at, in each tile that their brick meets */
   uint64_t depths, drawn;  /* splats, in each tile they meet */
 } tc_splat_counts;
 

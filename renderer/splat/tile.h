@@ -75,6 +75,7 @@ typedef struct tc_splat_tile {
   int n_kept;             /* batches of them */
   bool keeps;             /* the depth pass adds to them */
   bool left;              /* stopped by the halt: the tile is not finished */
+  uint64_t visited;       /* splats of entries that were not hidden as a whole */
   uint64_t depths, drawn; /* splats that were put into the depths; into the sums */
   _Alignas(16) uint8_t kept[TC_TILE_KEPT]; /* splats that the depths so far do not hide, projected */
 } tc_splat_tile;

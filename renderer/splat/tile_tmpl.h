@@ -282,6 +282,7 @@ V_INLINE void put_cores(const tc_splat_args *g, const batch *b, unsigned front, 
 /* From the side of the brick where the eye is: what is nearer hides more. */
 static void put_depths(const tc_splat_args *g, const tc_splat_entry *e, tc_splat_tile *t) {
   const uint32_t n = batches_of(e);
+  t->visited += e->of->bricks[e->brick + 1].first - e->of->bricks[e->brick].first;
   const bool backwards = e->eye[1] > TC_SPLAT_BRICK / 2;
   batch own;
   for (uint32_t i = 0; i < n; i++) {

@@ -26,6 +26,7 @@ static bool time_object(tcs_object *o, tc_renderer *renderer, tc_volume *volume,
     for (int m = 0; m < TC_OBJECT_MODES && good; m++) {
       scene->mode = tc_object_mode_of((tc_object_mode)m);
       good = tc_render(renderer, volume, scene, NULL, &frame, error);
+      o->samples[m] = (double)frame.stats.samples;
       if (!i) o->build_ms[m] = frame.stats.coefficients_ms + frame.stats.tables_ms + frame.stats.skip_ms;
       if (i == 0 || frame.stats.render_ms < o->ms[m]) o->ms[m] = i ? frame.stats.render_ms : INFINITY;
     }
@@ -109,6 +110,7 @@ static cJSON *difference_json(const tcs_difference *d) {
 
 cJSON *tcs_object_json(const tcs_object *o, const tc_scene *scene) {
   cJSON *json = cJSON_CreateObject(), *ms = cJSON_AddObjectToObject(json, "ms"),
+        *samples = cJSON_AddObjectToObject(json, "samples"),
         *build = cJSON_AddObjectToObject(json, "buildMs"),
         *expected = cJSON_AddObjectToObject(json, "expectedMs"),
         *errors = o->off[0].pixels ? cJSON_AddObjectToObject(json, "errors") : NULL;
@@ -117,6 +119,7 @@ cJSON *tcs_object_json(const tcs_object *o, const tc_scene *scene) {
   for (int m = 0; m < TC_OBJECT_MODES; m++) {
     const char *mode = tc_mode_names[tc_object_mode_of((tc_object_mode)m)];
     put(ms, mode, o->ms[m]);
+    put(samples, mode, o->samples[m]);
     put(build, mode, o->build_ms[m]);
     put(expected, mode, o->cost.ms[m]);
     if (errors) cJSON_AddItemToObject(errors, mode, difference_json(&o->off[m]));

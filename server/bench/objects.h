@@ -12,6 +12,7 @@
 /* An opaque object above a threshold, drawn in each mode that can draw it. */
 typedef struct tcs_object {
   double ms[TC_OBJECT_MODES];          /* shortest frame */
+  double samples[TC_OBJECT_MODES];     /* of a frame: splats put down, samples of rays, triangles */
   double build_ms[TC_OBJECT_MODES];    /* of what the first frame builds and later ones find */
   tc_object_cost cost;                 /* the plan's estimate */
   tcs_difference off[TC_OBJECT_MODES]; /* difference from the exact surface; no pixels: not compared */
@@ -26,7 +27,7 @@ bool tcs_object_measure(tc_renderer *renderer, tc_volume *volume, const tc_scene
 /* Compares pictures of side x side pixels with the reference integrator's isosurface. */
 bool tcs_object_judge(tc_renderer *renderer, tc_volume *volume, const tc_scene *scene, int side, tcs_object *object,
                       GError **error);
-/* {"threshold", "size", "ms", "buildMs", "expectedMs", "errors": {mode: ...}, "terms", "named", "namedOfThree"}. */
+/* {"threshold", "size", "ms", "samples", "buildMs", "expectedMs", "errors": {mode: ...}, "terms", "named", "namedOfThree"}. */
 cJSON *tcs_object_json(const tcs_object *object, const tc_scene *scene);
 
 typedef struct tcs_objects_run {

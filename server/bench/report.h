@@ -14,6 +14,7 @@ typedef struct tcs_report_scene {
   char why[400]; /* what the scene tests, and the orders of convergence to expect */
   bool smooth;   /* field and transfer function are smooth along every ray, so that the expected orders hold */
   tc_volume *volume;
+  bool grids; /* an object: measured in grids of several sizes, too */
   tc_scene scene; /* dvr, filter linear, front to back, one ray per pixel, no termination */
 } tcs_report_scene;
 
@@ -32,7 +33,8 @@ int tcs_report_object_count(bool own);
 /* own: the user's volume; NULL: built-in. size: of timed pictures. */
 bool tcs_report_object_make(int index, tc_volume *own, int size, tcs_report_scene *made, GError **error);
 /* Measures times and errors of each way: an entry of report.json's "objects", {"title", "filled": share of the grid's
- * voxels, "side", and the members of tcs_object_json()}. NULL with *error. */
+ * voxels, "side", and the members of tcs_object_json()}; where object->grids, "grids" is a list of such members, each with
+ * "grid": voxels to a side. NULL with *error. */
 cJSON *tcs_report_object_measure(tc_renderer *renderer, const tcs_report_scene *object, int runs, int side,
                                  GError **error);
 

@@ -69,6 +69,7 @@ document.body.append(
     ),
     CHOICES.map(choiceTable),
     objectsSection(),
+    gridsSection(),
     surfaceSection(),
     scenes.map(sceneSection),
     foot(),

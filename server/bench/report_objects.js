@@ -261,6 +261,30 @@ function sizesTable() {
   return stackedTable(names, rows, { id: 'sizes' });
 }
 
+// The same object in ever larger grids: splats pay for what is seen, rays for the way there.
+function gridsSection() {
+  const grids = objects.find((object) => object.grids)?.grids;
+  if (!grids) return null;
+  const put = new Set(grids.map(({ samples }) => samples.splat));
+  const names = ['grid', ...ways.map((way) => WAYS[way]), 'splats put down', 'samples of rays'];
+  const rows = grids.map(({ grid, ms, samples }) => [
+    [`${grid}\u00b3`],
+    ...ways.map((way) => [`${digits(ms[way])} ms`]),
+    ...['splat', 'isosurface'].map((way) => [count(samples[way])]),
+  ]);
+  return html(
+    'section',
+    { id: 'grids' },
+    html('h3', {}, 'One object in ever larger grids'),
+    html(
+      'p',
+      {},
+      `The same view of the same voxels: ${put.size === 1 ? 'as many splats in each grid' : 'splats differ'}.`,
+    ),
+    stackedTable(names, rows),
+  );
+}
+
 function objectsSection() {
   if (!objects.length) return null;
   const [first, ...others] = ways;

@@ -284,11 +284,11 @@ static double blob_at(double x, double y, double z, const void *context) {
   return blob(x - away, y - away, z - away, rough);
 }
 
-/* The same object in ever larger grids costs the same splats. */
+/* The same object in ever larger grids costs the same: no brick, no splat more is looked at. */
 TEST(cost_follows_the_voxels_seen) {
   g_auto(drawing) d = {0};
   g_auto(tc_scene) scene;
-  uint64_t put[4];
+  uint64_t put[4], visited[4], entries[4];
   for (int i = 0; i < 4; i++) {
     const double away = 16 * i; /* whole bricks */
     const int side = 40 + 32 * i;
@@ -297,8 +297,10 @@ TEST(cost_follows_the_voxels_seen) {
     if (!i) look(&scene, &o, 7, 1);
     draw_now(&o, &scene, (wish){0}, &d);
     put[i] = d.counts.depths + d.counts.drawn;
-    print_message("grid of %d: %llu splats put down\n", side, (unsigned long long)put[i]);
-    assert_int_equal(put[i], put[0]);
+    visited[i] = d.counts.visited, entries[i] = d.counts.entries;
+    print_message("grid of %d: %llu splats put down of %llu looked at in %llu bricks\n", side,
+                  (unsigned long long)put[i], (unsigned long long)visited[i], (unsigned long long)entries[i]);
+    assert_true(put[i] == put[0] && visited[i] == visited[0] && entries[i] == entries[0] && visited[i] > 0);
   }
 }
 

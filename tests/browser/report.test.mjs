@@ -97,6 +97,9 @@ test('objects: a row each, every way drawn, and where splats and rays change pla
   const wins = objects.filter(({ ms }) => ms.splat < ms.isosurface).length;
   const line = `splats against ray-cast isosurface: faster on ${wins} of ${objects.length}; they change places `;
   assert.ok(section.words[0].startsWith(line), section.words[0]);
+  const swept = await page.$$eval('#grids tbody tr', (rows) => rows.map((row) => row.cells[4].textContent));
+  assert.equal(swept.length, objects[0].grids.length);
+  assert.equal(new Set(swept).size, 1, 'as many splats in every grid');
   // The same page, with an object whose times cross half way (over logarithms) between two.
   const crossed = await page.evaluate(() => {
     const [left, right] = [byFilled[0], byFilled.at(-1)];

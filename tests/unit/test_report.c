@@ -143,6 +143,18 @@ static void objects_are_judged(const cJSON *report) {
   }
 }
 
+/* One object in ever larger grids costs as many splats. */
+static void grids_are_swept(const cJSON *report) {
+  const cJSON *grids = cJSON_GetObjectItem(cJSON_GetArrayItem(cJSON_GetObjectItem(report, "objects"), 0), "grids"), *one;
+  double put = 0, side = 0;
+  assert_true(cJSON_GetArraySize(grids) >= 3);
+  cJSON_ArrayForEach(one, grids) {
+    const double now = cJSON_GetObjectItem(cJSON_GetObjectItem(one, "samples"), "splat")->valuedouble;
+    assert_true(cJSON_GetObjectItem(one, "grid")->valuedouble >= 2 * side && now > 0 && (put == 0 || now == put));
+    put = now, side = cJSON_GetObjectItem(one, "grid")->valuedouble;
+  }
+}
+
 /* The surface by ever fewer triangles: the full one is near the exact one, simpler ones are farther off, and the ray caster's,
  * which is last, is exact. */
 static void surfaces_are_judged(const cJSON *report) {
@@ -197,6 +209,7 @@ TEST(reports_a_volume) {
   assert_true(ended->ended_rms > 0 && ended->ended_rms < ended->ended_max && ended->ended_max <= 0.02 + 1e-6);
   assert_true(row_where(rows, 0, 1e-3, 1)->ended_max <= 1e-3 + 1e-6 && usual->ended_max == 0);
   objects_are_judged(report);
+  grids_are_swept(report);
   surfaces_are_judged(report);
   char *csv = read_out("report.csv");
   assert_int_equal(lines_of(csv), (int)rows->len + 1);
