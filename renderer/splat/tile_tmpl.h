@@ -174,10 +174,11 @@ V_INLINE bool project(const tc_splat_args *g, const tc_splat_entry *e, const tc_
   vi faces = v_andi(v_sra(word, 12), e->mixed ? seen_faces(e, d) : v_seti(e->seen));
   const vm lanes = v_lt(v_load(lane_numbers), v_set((float)count));
   const vm facing = g->opaque ? v_lt(v_set(0), v_float(v_andi(faces, v_seti(63)))) : lanes;
-  if (g->culling && !m_any(m_and(lanes, facing))) return false;
+  const vm wanted = g->culling ? m_and(lanes, facing) : lanes;
+  if (!m_any(wanted)) return false;
   vf at[3] = {along(g, 0, d, e->at[0]), along(g, 1, d, e->at[1]), along(g, 2, d, e->at[2])};
   sight from = sight_of(g, t, at);
-  if (!m_any(m_and(lanes, near_tile(e, t, &from)))) return false;
+  if (!m_any(m_and(wanted, near_tile(e, t, &from)))) return false;
   const bool shaped = g->opaque && g->move > 0;
   shape own;
   if (shaped) own = shape_of(g, e->of->insets + first, word, at), from = sight_of(g, t, at);
