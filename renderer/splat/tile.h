@@ -8,6 +8,7 @@
 
 #define TC_TILE 64        /* pixels a side */
 #define TC_TILE_STRIDE 80 /* of a row: vectors reach over its end */
+#define TC_TILE_PLANE (TC_TILE * TC_TILE_STRIDE + 48) /* values of a tile: not a multiple of a cache's ways apart */
 #define TC_TILE_SHIFT 2   /* log2 of pixels a side of a block, whose greatest depth is kept for culling */
 #define TC_TILE_BLOCK (1 << TC_TILE_SHIFT)
 #define TC_TILE_BLOCKS (TC_TILE / TC_TILE_BLOCK)
@@ -65,10 +66,10 @@ typedef struct tc_splat_entry {
 
 typedef struct tc_splat_tile {
   int x0, y0, width, height;
-  float depth[TC_TILE * TC_TILE_STRIDE]; /* mm, infinite where there is nothing; translucent: transparency */
+  float depth[TC_TILE_PLANE]; /* mm, infinite where there is nothing; translucent: transparency */
   /* Whole numbers; translucent: of a sheet optical depth (WEIGHT) and its colours (NORMAL ..), of all sheets (COLOR
    * ..). */
-  float sums[TC_SUMS][TC_TILE * TC_TILE_STRIDE];
+  float sums[TC_SUMS][TC_TILE_PLANE];
   float farthest[TC_TILE_BLOCKS][TC_TILE_BLOCKS];
   bool stale[TC_TILE_BLOCKS][TC_TILE_BLOCKS];
   int touched[4];         /* translucent: pixels x0, y0, x1, y1 of the sheet in the making; x1 < x0: none */
