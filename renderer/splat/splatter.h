@@ -10,8 +10,8 @@
  * within, sheets, and lines whose voxels touch by corners alone.
  *
  * Culling changes no bit of the picture. It leaves out interior voxels, bricks and splats whose free faces look away,
- * those outside the picture, and those behind the depths of a first pass. Attributes are fetched for the remaining
- * splats.
+ * those outside the picture, and those behind the depths of a first pass. What these leave is kept as it was projected,
+ * for the second pass, which fetches attributes once a pixel shows the splat.
  *
  * Translucent (scene.splat.opaque false): all voxels count. The object is the field sum over voxels of extinction times
  * a Gaussian of 0.6 kernel radii (of integral 1: a constant solid is constant within 0.1 %), cut off at three
