@@ -199,6 +199,7 @@ bool tc_mesh_job_begin(tc_mesh_job *m, const tc_frame_job *job, GError **error) 
                               .texture = grey_at,
                               .texture_user = m,
                               .n_samples = job->rays->count,
+                              .want_depth = job->plan->depth,
                               .samples = (const double(*)[2])m->samples};
   return true;
 }

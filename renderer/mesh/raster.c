@@ -320,7 +320,7 @@ static void shade_fragments(drawing *d, worker *w) {
     float *to = w->linear[f->pixel[i]], *depth = &w->depth[f->pixel[i]];
     for (int c = 0; c < 3; c++) to[c] += f->share[i] * f->color[c][i];
     to[3] += f->share[i];
-    *depth = f->depth[i] < *depth ? f->depth[i] : *depth;
+    if (d->job->n_samples == 1) *depth = f->depth[i] < *depth ? f->depth[i] : *depth;
   }
   if (d->job->layered) keep_seen(d, w);
   f->n = 0;
@@ -343,16 +343,31 @@ static void add_fragment(drawing *d, worker *w, int x, int y, sighting seen) {
   if (++f->n == TC_RASTER_BATCH) shade_fragments(d, w);
 }
 
+/* Of several samples the nearest has the pixel's depth, which nearness gives: a fragment's own depth is in the middle of its
+ * samples. */
+static void add_depth(const drawing *d, worker *w, int x, int y, int sample, float near) {
+  const tc_mesh_view *v = d->job->view;
+  const float *offset = d->frame.offset[sample];
+  const double right = (w->tile.x0 + x + (double)offset[0] / TC_VIEW_SUBPIXEL - v->centre[0]) / v->scale;
+  const double down = (w->tile.y0 + y + (double)offset[1] / TC_VIEW_SUBPIXEL - v->centre[1]) / v->scale;
+  const double depth = v->perspective ? v->reference / (1 + (double)near) * sqrt(1 + right * right + down * down)
+                                      : v->reference - (double)near;
+  float *nearest = &w->depth[y * TC_RASTER_SIDE + x];
+  *nearest = fminf(*nearest, (float)depth);
+}
+
 /* Adds the triangles that a pixel's samples see, each once, at the mean of its samples, which lies inside the triangle. */
 static void add_pixel(drawing *d, worker *w, int x, int y) {
   struct { uint32_t id; float n, offset[2]; } of[TC_RASTER_SAMPLES];
   const int n_samples = d->job->n_samples;
   int n = 0;
   for (int s = 0; s < n_samples; s++) {
-    uint32_t id = w->tile.id[((size_t)s * TC_RASTER_SIDE + (size_t)y) * TC_RASTER_SIDE + (size_t)x];
+    const size_t at = ((size_t)s * TC_RASTER_SIDE + (size_t)y) * TC_RASTER_SIDE + (size_t)x;
+    const uint32_t id = w->tile.id[at];
     const float *offset = d->frame.offset[s];
     int i = 0;
     if (id == TC_RASTER_NOTHING) continue;
+    if (d->job->want_depth) add_depth(d, w, x, y, s, w->tile.near[at]);
     while (i < n && of[i].id != id) i++;
     if (i == n) of[n].id = id, of[n].n = of[n].offset[0] = of[n].offset[1] = 0, n++;
     of[i].n++, of[i].offset[0] += offset[0], of[i].offset[1] += offset[1];
@@ -389,11 +404,16 @@ static void add_layers(drawing *d, worker *w, int x, int y, tc_raster_layer *of,
   float clear[TC_RASTER_SAMPLES];
   tc_raster_layer last[TC_RASTER_SAMPLES]; /* the opaque layer of each sample */
   int n_last = 0;
+  const bool depths = n_samples > 1 && d->job->want_depth;
   tc_raster_layers_by_depth(of, n);
+  for (size_t i = 0; i < n && depths; i++)
+    if (!i || of[i].at != of[i - 1].at) add_depth(d, w, x, y, (int)(of[i].at / TC_RASTER_PIXELS), of[i].near);
   share_out(d, of, n, clear);
   for (int s = 0; s < n_samples; s++) {
     const uint32_t at = (uint32_t)((s * TC_RASTER_SIDE + y) * TC_RASTER_SIDE + x), id = w->tile.id[at];
-    if (id != TC_RASTER_NOTHING && clear[s] >= SEEN_THROUGH)
+    if (id == TC_RASTER_NOTHING) continue;
+    if (depths) add_depth(d, w, x, y, s, w->tile.near[at]);
+    if (clear[s] >= SEEN_THROUGH)
       last[n_last++] = (tc_raster_layer){at, id, clear[s] / (float)n_samples};
   }
   if (n_samples > 1) tc_raster_layers_by_id(of, n), tc_raster_layers_by_id(last, (size_t)n_last);

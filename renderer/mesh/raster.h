@@ -55,7 +55,7 @@ typedef struct tc_raster_picture {
   int tile, x0, y0, x1, y1;
   int rows; /* finished rows of the tile, counted from its top, including these; TC_RASTER_SIDE: all */
   const float (*linear)[4]; /* [y1 - y0][TC_RASTER_SIDE] */
-  const float *depth;       /* likewise */
+  const float *depth;       /* likewise: of the nearest sample; of several samples only if want_depth */
   const tc_raster_seen *seen; /* [n_seen], only of a layered job: pixel by pixel, nearest layer first */
   size_t n_seen;
 } tc_raster_picture;
@@ -90,6 +90,7 @@ typedef struct tc_raster_job {
   bool forward;              /* forward shading, for measurements: clusters in the mesh's order, no culling by depth, every
                                 fragment shaded that is the nearest so far; opaque surfaces and one sample only */
   const tc_ledger *ledger;   /* accounts for the memory of translucent layers; NULL: no bound */
+  bool want_depth;           /* fills depth, where a pixel has several samples */
   bool layered;              /* also emits the visible layers of each pixel (seen); one sample only */
   const uint8_t *finished;   /* [tiles], row by row: rows of each tile, from its top, that are already drawn; NULL: none */
   /* Called from any thread of the pool, once for every tile that made progress. Returns false to stop, as the halt does. */

@@ -10,25 +10,22 @@
 void tc_depths_exact(const tc_reference *reference, const tc_scene *scene, int x, int y, tc_depths *pixel) {
   tc_subpixel rays[TC_MAX_RAYS_PER_PIXEL];
   const int count = scene->sampling.rays_per_pixel;
-  int met = 0;
-  pixel->nearest = INFINITY, pixel->mean = 0;
+  pixel->nearest = INFINITY;
   pixel->surface = 0, pixel->label = 0;
   tc_subpixel_rays(count, rays);
   for (int r = 0; r < count; r++) {
     tc_reference_hit hit;
     if (!tc_reference_surface(reference, x + 0.5 + rays[r].x, y + 0.5 + rays[r].y, &hit)) continue;
-    pixel->mean += hit.distance_mm, met++;
     if (hit.distance_mm >= pixel->nearest) continue;
     pixel->nearest = hit.distance_mm;
     pixel->surface = hit.surface, pixel->label = hit.label;
   }
-  pixel->mean = met && scene->mode == TC_MODE_MESH ? pixel->mean / met : pixel->nearest;
 }
 
 /* Error of a pixel in mm; below 0: only one of picture and reference has a surface. */
 static double apart(const tc_depths *p) {
   if (!isfinite(p->drawn) || !isfinite(p->nearest)) return -1;
-  return fmax(fmax(p->nearest - p->drawn, p->drawn - p->mean), 0);
+  return fabs(p->drawn - p->nearest);
 }
 
 static int by_apart(const void *a, const void *b) {

@@ -12,10 +12,7 @@ typedef struct tc_reference tc_reference;
 /* Depths of one pixel: mm from the eye along the ray to the first surface; INFINITY: no surface. */
 typedef struct tc_depths {
   double drawn; /* from tc_frame.depth */
-  /* Exact depths: the smallest and the mean over the pixel's rays that hit a surface. With several samples, mode mesh
-     draws the depth at the centre of the samples that one triangle covers, which lies between these two; the error is
-     the distance from that interval, a lower bound of the true error. In other modes both are the smallest. */
-  double nearest, mean;
+  double nearest; /* exact: the smallest over the pixel's rays, as it is drawn */
   int surface;    /* index of the exact surface in the scene's list; 0 without a list */
   uint32_t label; /* label of the exact surface; 0: not a label's */
 } tc_depths;

@@ -197,10 +197,11 @@ TEST(depths_and_outlines_are_measured) {
     printf("  %s, %d rays: depth %.1e mm rms, 99 %% within %.1e, all within %.1e, of %d pixels; %d at the outline; 0.25 mm off: %.4f (%.4f)\n",
            tc_mode_names[s.mode], s.sampling.rays_per_pixel, as_drawn.rms, as_drawn.p99, as_drawn.max, as_drawn.both, as_drawn.one,
            moved.rms, moved.p50);
-    assert_true(as_drawn.both > 200 && as_drawn.p50 <= as_drawn.p99 && as_drawn.p99 <= as_drawn.max && as_drawn.p99 < 0.3);
+    assert_true(as_drawn.both > 200 && as_drawn.p50 <= as_drawn.p99 && as_drawn.p99 <= as_drawn.max);
+    assert_true(as_drawn.p50 < 0.02 && as_drawn.p99 < (m == 3 ? 0.6 : 0.3)); /* of four rays one that misses an edge is enough */
     assert_true(moved.rms - 0.25 <= as_drawn.rms + 1e-6); /* the triangle inequality of rms */
     assert_true(moved.rms > 0.25 - as_drawn.rms - 1e-6);
-    assert_true(m == 3 || fabs(moved.p50 - 0.25) < 0.01 + as_drawn.p50); /* on slopes the mean of several rays is further off */
+    assert_true(fabs(moved.p50 - 0.25) < 0.01 + as_drawn.p50);
     assert_true(moved.both == as_drawn.both && moved.one == as_drawn.one);
     assert_true(abs(cut.one - as_drawn.one) <= gone && cut.both >= as_drawn.both - gone && cut.both < as_drawn.both);
     assert_int_equal(cut.both + cut.one, as_drawn.both + as_drawn.one);
@@ -213,9 +214,9 @@ TEST(depth_errors_are_the_textbooks) {
   enum { N = 110 };
   tc_depths pixels[N];
   tc_depth_error all, each[2];
-  for (int i = 0; i < N; i++) pixels[i] = (tc_depths){INFINITY, INFINITY, INFINITY, 0, 0}; /* nothing */
-  for (int i = 0; i < 100; i++) pixels[i] = (tc_depths){1000 + (i % 2 ? i + 1 : -i - 1), 1000, 1000, 0, 0};
-  for (int i = 100; i < 106; i++) pixels[i] = (tc_depths){i < 105 ? 7 : INFINITY, 6, 8, 2, 9}; /* within its rays */
+  for (int i = 0; i < N; i++) pixels[i] = (tc_depths){INFINITY, INFINITY, 0, 0}; /* nothing */
+  for (int i = 0; i < 100; i++) pixels[i] = (tc_depths){1000 + (i % 2 ? i + 1 : -i - 1), 1000, 0, 0};
+  for (int i = 100; i < 106; i++) pixels[i] = (tc_depths){i < 105 ? 7 : INFINITY, 7, 2, 9};
   pixels[106].drawn = 5;
   assert_int_equal(tc_depths_compare(pixels, N, &all, each, 2), 2);
   assert_true(all.both == 105 && all.one == 2 && fabs(all.outline - 2.0 / N) < 1e-12 && all.max == 100);

@@ -237,8 +237,8 @@ TEST(a_mesh_is_as_far_off_as_the_formula_says) {
   }
 }
 
-/* Four samples: what lies between the nearest of them and their mean is right; what is nearer or further is wrong by so much. */
-TEST(several_samples_have_the_depth_of_their_rays) {
+/* Four samples: the nearest has the pixel's depth; the depth of their mean is wrong by the distance between the two. */
+TEST(several_samples_have_the_depth_of_the_nearest) {
   const double apart[3] = {-0.7, 0, 0.5};
   g_autoptr(tc_volume) volume = grid_of(squared);
   g_auto(tc_scene) scene;
@@ -262,13 +262,13 @@ TEST(several_samples_have_the_depth_of_their_rays) {
       }
       depth[p] = NAN;
       if (met < 4) continue;
-      const double from = apart[round] > 0 ? mean : nearest.at, drawn = (round == 1 ? (from + mean) / 2 : from) + apart[round];
+      const double drawn = (round == 1 ? mean : nearest.at) + apart[round];
       depth[p] = (float)drawn;
-      e.off[e.both] = fabs(apart[round]), e.slack[e.both++] = slack;
+      e.off[e.both] = fabs(drawn - nearest.at), e.slack[e.both++] = slack;
     }
     const tc_meter_result said = measure(&by_formula, volume, &scene);
     assert_true(e.both > PIXELS / 10);
-    assert_says(round == 1 ? "between" : round ? "behind" : "before", &said.depth, &e);
+    assert_says(round == 1 ? "mean" : round ? "behind" : "before", &said.depth, &e);
   }
 }
 

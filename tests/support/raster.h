@@ -47,9 +47,10 @@ static inline bool keep(void *user, const tc_raster_picture *p) {
   return true;
 }
 
+static const double five_samples[5][2] = {{-0.4, 0}, {-0.2, 0.381}, {0, -0.236}, {0.2, 0.145}, {0.4, -0.472}};
+
 static inline bool try_draw(const tc_clusters *mesh, const drawing *d, picture *p, GError **error) {
-  static const double one[1][2] = {{0, 0}},
-                      several[5][2] = {{-0.4, 0}, {-0.2, 0.381}, {0, -0.236}, {0.2, 0.145}, {0.4, -0.472}};
+  static const double one[1][2] = {{0, 0}};
   const tc_raster_surface one_surface = {{1, 0.5f, 0.25f}, 1, d->one_sided};
   tc_mesh_view view;
   tc_mesh_view_set_up(&view, mesh, &d->camera, d->width, d->height);
@@ -59,7 +60,8 @@ static inline bool try_draw(const tc_clusters *mesh, const drawing *d, picture *
   const tc_raster_job job = {.mesh = mesh, .view = &view, .kernels = tc_raster_kernels_named(d->isa ? d->isa : "scalar"),
                              .looks = d->looks ? d->looks : &look, .n_looks = d->looks ? 2 : 1,
                              .surfaces = d->surfaces ? d->surfaces : &one_surface, .channels = d->channels,
-                             .n_samples = d->samples > 1 ? 5 : 1, .samples = d->samples > 1 ? several : one,
+                             .n_samples = d->samples > 1 ? 5 : 1, .samples = d->samples > 1 ? five_samples : one,
+                             .want_depth = true,
                              .forward = d->forward, .ledger = d->ledger, .emit = keep, .user = p, .pool = d->pool};
   p->width = d->width, p->height = d->height;
   p->counts = (tc_raster_counts){0};

@@ -138,6 +138,36 @@ TEST(a_floor_through_the_eye_plane_ends_at_the_horizon) {
   test_free(p);
 }
 
+/* A floor far below the eye, which each of a pixel's samples meets elsewhere: opaque, then translucent. */
+TEST(of_several_samples_the_nearest_has_the_depth) {
+  picture *p = new_picture();
+  tc_clusters *c = cluster(sheet(31, -500, 500, 1, 0));
+  const tc_raster_surface looks[2] = {{{1, 1, 1}, 1}, {{1, 1, 1}, 0.5f}};
+  for (int round = 0; round < 4; round++) {
+    const bool perspective = round < 2;
+    const drawing d = {.camera = {.projection = perspective ? TC_PERSPECTIVE : TC_ORTHOGRAPHIC, .position = {0, 0, 10},
+                                  .target = {0, 10, perspective ? 10 : 9}, .up = {0, 0, 1}, .fov_y_deg = 90, .height_mm = 40},
+                       .width = 200, .height = 200, .samples = 5, .surfaces = &looks[round % 2]};
+    double worst = 0;
+    draw(c, &d, p);
+    for (int y = 110; y < 145; y++)
+      for (int x = 0; x < 200; x++) {
+        double nearest = INFINITY;
+        for (int s = 0; s < 5; s++) {
+          const double u = x + 0.5 + five_samples[s][0] - 100, v = y + 0.5 + five_samples[s][1] - 100;
+          /* Orthographic: pixels are 0.2 mm, the middle one's ray begins 10 mm high and falls 1 mm in 10. */
+          const double depth = perspective ? 10 * sqrt(1e4 + u * u + v * v) / v : 10 * sqrt(101) - 2 * v;
+          nearest = fmin(nearest, depth);
+        }
+        worst = fmax(worst, fabs((double)p->depth[y * 200 + x] / nearest - 1));
+      }
+    printf("  round %d: %.1e of the depth at most\n", round, worst);
+    assert_true(worst < 1.0 / 512 / 10 + 1e-3); /* a sample is rounded by half of a 256th, corners too */
+  }
+  tc_clusters_free(c);
+  test_free(p);
+}
+
 TEST(what_is_far_from_the_patients_origin_looks_the_same) {
   picture *p = new_picture(), *q = new_picture();
   tc_clusters *c = cluster(spheres(40, 2, 30, 45));

@@ -104,22 +104,34 @@ float grey_at(vec3 at) {
 }
 #endif
 
-// The triangle's colour where the ray through `at` meets it, and how far that is.
-vec3 shade(uint triangle, vec2 at, out float distance) {
+struct Meeting { // of the ray through a point of the picture and a triangle
   uvec4 v[3];
+  vec3 ray, ab, ac;
+  float b, c, distance; // weights of the second and third corner; mm from the eye
+};
+
+Meeting meet(uint triangle, vec2 at) {
+  Meeting m;
   vec3 p[3];
   for (int i = 0; i < 3; i++) {
-    v[i] = vertices[indices[3u * triangle + uint(i)]];
-    p[i] = corner(v[i]);
+    m.v[i] = vertices[indices[3u * triangle + uint(i)]];
+    p[i] = corner(m.v[i]);
   }
   vec2 across = (at - mesh.centre) * mesh.inverse_scale;
-  vec3 ray = vec3(mesh.perspective != 0 ? across : vec2(0.0), 1.0);
+  m.ray = vec3(mesh.perspective != 0 ? across : vec2(0.0), 1.0);
   float before = mesh.perspective != 0 ? p[0].z + mesh.reference : 1.0;
-  vec3 ab = p[1] - p[0], ac = p[2] - p[0], from = vec3(across * before - p[0].xy, 0.0);
-  vec3 side = cross(ray, ac), other = cross(from, ab);
-  float inverse = 1.0 / dot(ab, side);
-  float b = held(dot(from, side) * inverse, 1.0), c = held(dot(ray, other) * inverse, 1.0 - b);
-  distance = (p[0].z + mesh.reference + (b * ab.z + c * ac.z)) * length(ray);
+  m.ab = p[1] - p[0], m.ac = p[2] - p[0];
+  vec3 from = vec3(across * before - p[0].xy, 0.0), side = cross(m.ray, m.ac), other = cross(from, m.ab);
+  float inverse = 1.0 / dot(m.ab, side);
+  m.b = held(dot(from, side) * inverse, 1.0), m.c = held(dot(m.ray, other) * inverse, 1.0 - m.b);
+  m.distance = (p[0].z + mesh.reference + (m.b * m.ab.z + m.c * m.ac.z)) * length(m.ray);
+  return m;
+}
+
+// The triangle's colour where a ray meets it.
+vec3 shade(uint triangle, Meeting m) {
+  uvec4 v[3] = m.v;
+  float b = m.b, c = m.c;
   uint s = surface_of(triangle);
   vec3 color = surfaces[s].color.rgb;
 #if SAMPLED
@@ -132,8 +144,8 @@ vec3 shade(uint triangle, vec2 at, out float distance) {
     color = min((1.0 - b - c) * channels(triangle, 0u) + b * channels(triangle, 1u) + c * channels(triangle, 2u), 1.0);
   if (surfaces[s].shaded == 0)
     return color;
-  vec3 n = mesh.normals != 0 ? turned((1.0 - b - c) * normal(v[0]) + b * normal(v[1]) + c * normal(v[2])) : cross(ab, ac);
-  return light_on(n / max(length(n), 1e-20), -ray / length(ray), color, s);
+  vec3 n = mesh.normals != 0 ? turned((1.0 - b - c) * normal(v[0]) + b * normal(v[1]) + c * normal(v[2])) : cross(m.ab, m.ac);
+  return light_on(n / max(length(n), 1e-20), -m.ray / length(m.ray), color, s);
 }
 
 uint seen(ivec2 place, int s) { return texelFetch(triangles, ivec3(place, s), 0).r; }
@@ -155,21 +167,26 @@ void main() {
       before = seen(place, i) == triangle;
     if (before)
       continue;
-    float n = 0.0, share = 0.0, distance, opacity = phase == 1 ? surfaces[surface_of(triangle)].color.a : 1.0;
+    float n = 0.0, share = 0.0, opacity = phase == 1 ? surfaces[surface_of(triangle)].color.a : 1.0;
     vec2 middle = vec2(0.0);
     for (int i = s; i < mesh.n_samples; i++) {
       float left = phase == 0 ? 1.0 : 1.0 - layers[layer + 5u + uint(i)];
       if (left < SEEN_THROUGH || seen(place, i) != triangle)
         continue;
+#if DEPTH // the nearest sample's
+      if (mesh.n_samples > 1)
+        nearest = min(nearest, meet(triangle, vec2(tile.xy + place) + mesh.offsets[i].xy).distance);
+#endif
       n++, share += left * opacity / float(mesh.n_samples), middle += mesh.offsets[i].xy;
       if (phase == 1)
         layers[layer + 5u + uint(i)] = 1.0 - left * (1.0 - opacity);
     }
     if (n == 0.0)
       continue;
-    vec3 color = shade(triangle, vec2(tile.xy + place) + middle / n, distance);
-    sum += share * vec4(color, 1.0);
-    nearest = min(nearest, distance);
+    Meeting m = meet(triangle, vec2(tile.xy + place) + middle / n);
+    sum += share * vec4(shade(triangle, m), 1.0);
+    if (mesh.n_samples == 1)
+      nearest = min(nearest, m.distance);
     shades++;
   }
   if (phase != 0) {
