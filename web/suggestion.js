@@ -4,9 +4,9 @@ const NAMES = { isosurface: 'an isosurface', mesh: 'a surface mesh', splat: 'spl
 const WORTH = 1.5; // least speed-up worth a suggestion
 const short = (ms) => Number(ms.toPrecision(2));
 
-/** Identifies the surface asked about, independent of the camera. */
-const subject = ({ mode, isosurface, splat }) =>
-  mode in NAMES ? JSON.stringify([mode, isosurface?.value, splat?.threshold]) : '';
+/** Identifies the surfaces asked about, independent of the camera. */
+const subject = ({ mode, isosurface, splat, mesh, labels }) =>
+  mode in NAMES ? JSON.stringify([mode, isosurface?.value, splat?.threshold, mesh?.surfaces, labels?.volume]) : '';
 
 /** @returns {{mode: string, text: string}|null} of a plan's `object` */
 export function suggestionOf(mode, object) {
@@ -46,7 +46,7 @@ export class Suggestion {
   }
 
   #update() {
-    if (this.#offered && this.#store.scene?.mode !== JSON.parse(this.#asked)[0]) this.#offer(null);
+    if (this.#offered && subject(this.#store.scene ?? {}) !== this.#asked) this.#offer(null);
   }
 
   #offer(offered) {

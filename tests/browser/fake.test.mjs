@@ -202,6 +202,17 @@ describe('page and fake server', { skip }, () => {
     await page.close();
   });
 
+  test('what is suggested for one surface is taken back where labels have surfaces of their own', async () => {
+    const { page } = await open(browser, url);
+    await page.selectOption('#mode', 'isosurface');
+    await page.waitForFunction(() => !document.getElementById('suggestion').hidden);
+    await page.waitForTimeout(1100); // until then the page's own edit counts
+    server.editFromOutside((await stageData(page)).session, { labels: { volume: 'organs' } });
+    await page.waitForFunction(() => document.getElementById('suggestion').hidden, null, { timeout: 5000 });
+    assert.deepEqual(page.complaints, []);
+    await page.close();
+  });
+
   test('a slow server gets the newest scene in the end', async () => {
     const { page } = await open(browser, url);
     server.delayMs = 300;

@@ -269,8 +269,9 @@ export class FakeServer {
     return session.asked > 1 ? { views: 3, reason: 'step 1.3: for the test' } : { views: 0, reason: 'careful' };
   }
 
-  /** Rays are slow here: a mesh is expected to take a sixth of their time. */
-  #object({ scene: { mode } }) {
+  /** Rays are slow here: a mesh is expected to take a sixth of their time. Several surfaces are no object. */
+  #object({ scene: { mode, labels, mesh } }) {
+    if (labels?.volume || (mode === 'mesh' && mesh?.surfaces?.length)) return undefined;
     return mode === 'isosurface' || mode === 'mesh'
       ? { cheapest: 'mesh', expectedMs: { splat: 9, isosurface: 30, mesh: 5 } }
       : undefined;
