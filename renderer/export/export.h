@@ -22,5 +22,7 @@ bool tc_export_volume(const tc_volume *volume, const char *path, bool gzip, GErr
 /* Binary unless `ascii`; OBJ is text. Coordinates are single precision in STL; in PLY and OBJ double where single would
  * lose a thousandth of a mm. Colours go with PLY and OBJ ("v x y z r g b", 0 to 1); STL has no place for them. */
 bool tc_export_mesh(const tc_mesh *mesh, const char *path, bool ascii, GError **error);
+/* How far that moves a coordinate at most, mm. */
+double tc_export_mesh_loss(const tc_mesh *mesh, const char *path);
 
 #endif

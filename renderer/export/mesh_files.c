@@ -149,3 +149,14 @@ bool tc_export_mesh(const tc_mesh *mesh, const char *path, bool ascii, GError **
     write_obj(&o, mesh);
   return tc_output_end(&o, error);
 }
+
+double tc_export_mesh_loss(const tc_mesh *m, const char *path) {
+  const bool wide = reaches_far(m) && !tc_path_ends(path, ".stl");
+  double loss = 0;
+  for (size_t i = 0; i < m->n_vertices && !wide; i++) {
+    double at[3];
+    place(m, i, at);
+    for (int k = 0; k < 3; k++) loss = fmax(loss, fabs(at[k] - (double)(float)at[k]));
+  }
+  return loss;
+}

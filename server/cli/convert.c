@@ -12,6 +12,8 @@
 #include "renderer/splat/vmd.h"
 #include "server/cli/cli.h"
 
+#define MOST_LOSS_MM 1e-3 /* of which nothing is said */
+
 /* The parsed arguments. */
 typedef struct wanted {
   double iso, label, simplify; /* simplify: error in mm; negative: do not simplify */
@@ -205,7 +207,13 @@ static bool write_mesh(tc_mesh *mesh, const wanted *w, const arguments *a, GErro
     tc_mesh_free(all);
   }
   const bool good = mesh && tc_export_mesh(mesh, a->rest[1], a->ascii, error);
+  const double loss = good ? tc_export_mesh_loss(mesh, a->rest[1]) : 0;
   if (good) printf("%s: %zu triangles, %zu vertices\n", a->rest[1], mesh->n_triangles, mesh->n_vertices);
+  if (loss > MOST_LOSS_MM)
+    fprintf(stderr,
+            "tomocast convert: so far from the origin STL's single precision moves vertices by up to %.2g mm; .ply and "
+            ".obj keep them\n",
+            loss);
   tc_mesh_free(mesh);
   return good;
 }

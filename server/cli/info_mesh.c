@@ -31,7 +31,7 @@ static void print_text(const tc_mesh *m, const tc_mesh_file *from, const tc_mesh
   if (from->degenerate) printf("; %" PRIu64 " degenerate ones left out", from->degenerate);
   printf("\nvertices     %zu, %s normals, %s colours\n", m->n_vertices, m->normals ? "with" : "without",
          m->colors ? "with" : "without");
-  printf("extent       %g to %g, %g to %g, %g to %g mm LPS\n", is->low[0], is->high[0], is->low[1], is->high[1],
+  printf("extent       %.9g to %.9g, %.9g to %.9g, %.9g to %.9g mm LPS\n", is->low[0], is->high[0], is->low[1], is->high[1],
          is->low[2], is->high[2]);
   printf("bytes        %zu\n", m->bytes);
 }

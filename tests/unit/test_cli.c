@@ -269,6 +269,24 @@ TEST(meshes_among_each_other) {
 }
 
 /* In their colours, of one label a single one. */
+/* STL has single precision only: said where that moves vertices. */
+TEST(far_meshes_lose_nothing_unsaid) {
+  put_file("far.obj", "v 10000000.25 0 0\nv 10000003 0 0\nv 10000000.25 5 0\nf 1 2 3\n");
+  outcome o = RUN("convert", "far.obj", "far.stl");
+  assert_true(o.code == 0 && strstr(o.err, "moves vertices by up to 0.25 mm"));
+  outcome_clear(&o);
+  o = RUN("convert", "far.obj", "far.ply");
+  assert_string_equal(o.err, "");
+  accept(o);
+  o = RUN("info", "far.ply");
+  assert_non_null(strstr(o.out, "extent       10000000.2 to 10000003, 0 to 5"));
+  accept(o);
+  put_file("near.obj", "v 8000.3 0 0\nv 3 0 0\nv 1 5 0\nf 1 2 3\n");
+  o = RUN("convert", "near.obj", "near.stl");
+  assert_string_equal(o.err, "");
+  accept(o);
+}
+
 TEST(labels_become_a_mesh) {
   for (int i = 0; i < 2; i++) {
     accept(RUN("convert", "demo:head-labels", "l.obj", "--label", i ? "all" : "1", "--simplify", "2"));
