@@ -134,6 +134,7 @@ typedef struct building {
   pile *piles;   /* [layers] */
   const tc_halt *halt;
   atomic_bool left;
+  atomic_uint_fast64_t total; /* words of all piles */
 } building;
 
 static void set_bits(uint64_t *column, size_t stride, int z, int count) {
@@ -338,7 +339,9 @@ static void build_layer(void *context, int layer, int worker) {
         atomic_store(&b->left, true);
         return;
       }
+      const guint before = p.words->len;
       build_brick(b, from, (int[]){bx, layer, bz}, &p);
+      if (atomic_fetch_add(&b->total, p.words->len - before) > TC_SPLAT_MOST) return; /* refused by join() */
     }
   }
 }
