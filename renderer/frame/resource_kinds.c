@@ -389,7 +389,7 @@ static void *splats_begin(const tc_making *m, GError **error) {
     tc_set_error(error, TC_ERROR_MEMORY, NULL, "splats: out of memory");
     return NULL;
   }
-  tc_splats *splats = tc_splats_build(built, (tc_splat_normals){tc_vmd_normal_at, subject}, has_inside(scene),
+  tc_splats *splats = tc_splats_build(built, (tc_splat_normals){tc_vmd_normal_at, subject, tc_vmd_end_at}, has_inside(scene),
                                       m->pool, error);
   tc_vmd_subject_free(subject);
   return splats;

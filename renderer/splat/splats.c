@@ -267,14 +267,18 @@ static uint8_t thin_inset(const building *b, const place *p, double distance, do
   double steps[26][3], along[3], back = 0, on = 0;
   const int n = neighbours_of(b, p, steps);
   const double share = n ? main_direction(steps, n, along) : 0, thick = distance < 0 ? 0.5 : distance;
+  double on_by = 0.5;
   tc_splat_thin what = n ? TC_SPLAT_SHEET : TC_SPLAT_DOT;
   if (n && (n <= 3 || share > 0.6)) {
     for (int i = 0; i < n; i++) back = fmin(back, dot3(steps[i], along)), on = fmax(on, dot3(steps[i], along));
     what = fmin(-back, on) < 0.4 ? TC_SPLAT_END : TC_SPLAT_LINE;
+    for (int k = 0; k < 3 && on > -back; k++) along[k] = -along[k];
+    if (what == TC_SPLAT_END && b->normals.end) on_by = b->normals.end(b->normals.user, p->at, along, TC_SPLAT_LONG);
     to_lps(&b->model->head.grid, along, normal);
   }
-  const double usual = what == TC_SPLAT_SHEET ? 0.8 : 0.8 / 1.4;
-  return (uint8_t)(what << 6 | lround(63 * fmin(fmax(thick / usual, 0.35), 1)));
+  const double usual = what == TC_SPLAT_SHEET ? 0.8 : 0.8 / 1.4, across = fmin(fmax(thick / usual, 0.35), 1);
+  if (what != TC_SPLAT_END) return (uint8_t)(what << 6 | lround(63 * across));
+  return (uint8_t)(what << 6 | lround(10 * across - 3) << 3 | lround(7 / TC_SPLAT_LONG * fmin(on_by, TC_SPLAT_LONG)));
 }
 
 /* Returns the surface's distance along it; below 0: unknown. */

@@ -18,11 +18,12 @@
 
 #define TC_SPLAT_BRICK 16        /* voxels along an edge */
 #define TC_SPLAT_PAD 16          /* words that may be read after the last */
-#define TC_SPLAT_LONG 1.3        /* half length of a line's kernel over a usual kernel's */
+#define TC_SPLAT_LONG 1.3        /* half length of a line's kernel over a usual kernel's; voxels that an end goes on, at most */
 #define TC_SPLAT_MOST ((1u << 24) - 1) /* splats of a model: sums over any pixel stay below 2^31 */
 
 /* In bits 6 and 7 of a thin voxel's inset: what its filled neighbours (of 26) form. A line's normal is its direction,
- * an end's too; a dot has none. */
+ * an end's too, outwards; a dot has none. An end has in bits 0 to 2 how far on it ends, in sevenths of TC_SPLAT_LONG
+ * voxels, and in bits 3 to 5 its thickness, from 0.3 on in tenths. */
 typedef enum tc_splat_thin { TC_SPLAT_SHEET, TC_SPLAT_LINE, TC_SPLAT_END, TC_SPLAT_DOT } tc_splat_thin;
 
 /* Eight bytes, which few splats share where an object is thin. */
@@ -52,6 +53,9 @@ typedef struct tc_splats {
 typedef struct tc_splat_normals {
   double (*of)(const void *user, int x, int y, int z, double normal[3]);
   const void *user;
+  /* How far from a voxel along a direction (a unit vector of index coordinates) the surface is, in voxels, at
+   * most `most`. NULL: half a voxel. */
+  double (*end)(const void *user, const int at[3], const double direction[3], double most);
 } tc_splat_normals;
 
 /* normals.of NULL: the model's attribute "normal", or else what is filled within two voxels, which gives unknown

@@ -99,14 +99,18 @@ V_INLINE shape shape_of(const tc_splat_args *g, const uint8_t *insets, vi word, 
   const vi stored = v_trunc(inset), faces = v_sra(word, 12);
   const vm known = v_lt(zero, inset), thin = v_lt(zero, v_float(v_andi(v_andi(faces, v_sra(word, 13)), v_seti(0x15))));
   const vf what = v_float(v_sra(stored, 6)), thick = v_float(v_andi(stored, v_seti(63))) * v_set(1 / 63.f);
-  const vf line = v_select(v_lt(what, v_set(2)), v_set((float)TC_SPLAT_LONG), one);
-  const vm sheet = v_lt(what, one), dot = v_lt(v_set(2), what);
+  const vm sheet = v_lt(what, one), dot = v_lt(v_set(2), what), end = m_and(thin, m_andnot(v_lt(one, what), dot));
+  /* From a core's radius behind an end's voxel to where it ends. */
+  const vf on = v_float(v_andi(stored, v_seti(7))) * v_set((float)TC_SPLAT_LONG / 7), touch = v_set(g->touch);
+  const vf tenths = v_float(v_andi(v_sra(stored, 3), v_seti(7))) * v_set(0.1f) + v_set(0.3f);
+  const vf line = v_select(end, (on + touch) * v_set(0.5f / g->touch), v_set((float)TC_SPLAT_LONG));
   s.along = v_select(thin, v_select(m_or(sheet, dot), thick, line), v_set(TC_SPLAT_FLAT));
-  s.across = v_select(m_andnot(thin, sheet), thick, one);
+  s.across = v_select(m_andnot(thin, sheet), v_select(end, tenths, thick), one);
   const vf move = v_select(known, v_set(g->move), zero);
   s.along = v_fma(s.along - one, move, one), s.across = v_fma(s.across - one, move, one);
+  const vf shift = v_select(end, (on - touch) * v_set(0.5f) * move, zero);
   const vf surface = v_select(m_andnot(known, thin), (inset - one) * v_set(g->move / 254), zero);
-  const vf middle = v_select(m_andnot(known, thin), v_fnma(v_set(TC_SPLAT_FLAT * g->touch), move, surface), zero);
+  const vf middle = v_select(m_andnot(known, thin), v_fnma(v_set(TC_SPLAT_FLAT * g->touch), move, surface), shift);
   for (int r = 0; r < 3; r++) {
     const float *m = g->axis[r];
     const vf way = v_fma(s.axis[2], v_set(m[2]), v_fma(s.axis[1], v_set(m[1]), s.axis[0] * v_set(m[0])));

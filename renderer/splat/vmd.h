@@ -138,6 +138,8 @@ typedef struct tc_vmd_subject tc_vmd_subject;
 tc_vmd_subject *tc_vmd_subject_new(const tc_volume *volume, double low, double high); /* NULL: no memory */
 void tc_vmd_subject_free(tc_vmd_subject *subject);
 double tc_vmd_normal_at(const void *subject, int x, int y, int z, double normal[3]);
+/* A tc_splat_normals.end. */
+double tc_vmd_end_at(const void *subject, const int at[3], const double direction[3], double most);
 
 /* ---- files ---- */
 

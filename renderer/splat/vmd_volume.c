@@ -227,6 +227,37 @@ double tc_vmd_normal_at(const void *user, int x, int y, int z, double n[3]) {
   return distance;
 }
 
+/* Between voxels: trilinear. */
+static double inside_between(const subject *s, const double at[3]) {
+  double sum = 0;
+  for (int corner = 0; corner < 8; corner++) {
+    spot p;
+    double weight = 1;
+    for (int k = 0; k < 3; k++) {
+      const int low = (int)floor(at[k]), up = corner >> k & 1;
+      weight *= up ? at[k] - low : 1 - (at[k] - low);
+      p.at[k] = MIN(MAX(low + up, 0), s->d->dims[k] - 1);
+    }
+    if (weight > 0) sum += weight * inside_at(s, voxel_index(s, p.at[0], p.at[1], p.at[2]));
+  }
+  return sum;
+}
+
+#define END_STEPS 8
+
+double tc_vmd_end_at(const void *user, const int at[3], const double direction[3], double most) {
+  const subject *s = user;
+  double before = 0;
+  for (int i = 0; i <= END_STEPS; i++) {
+    const double way = most * i / END_STEPS;
+    const double to[3] = {at[0] + way * direction[0], at[1] + way * direction[1], at[2] + way * direction[2]};
+    const double here = inside_between(s, to);
+    if (here < 0) return i ? way - most / END_STEPS * here / (here - before) : 0;
+    before = here;
+  }
+  return most;
+}
+
 static void record(void *user, int x, int y, int z, uint8_t *to) {
   const subject *s = user;
   const size_t i = voxel_index(s, x, y, z), size = tc_voxel_size(s->d->type);

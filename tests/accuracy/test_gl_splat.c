@@ -1,20 +1,18 @@
 /* Mode splat on the gl back end against the cpu's splatter: the same sums of whole numbers, but where a pixel's middle lies
  * at a footprint's or a core's rim, or between two steps of the footprint's table, within rounding. */
-#include "tests/support/test.h"
+#include "tests/support/splats.h"
 
-#include "renderer/splat/vmd.h"
 #include "renderer/tomocast.h"
-#include "tests/support/grid.h"
 #include "tests/support/renderers.h"
 
-enum { SIDE = 300, PIXELS = SIDE * SIDE };
+enum { WIDE = 300, PIXELS = WIDE * WIDE };
 static tc_volume *waves(void) {
   return test_volume(&(test_grid){.dims = {60, 52, 56}, .type = TC_U8, .slope = 0.004, .spacing = {1, 1.3, 0.8},
                                   .origin = {-1000, 300, 50}}, test_waves, &(double){24});
 }
 
 static void splat_scene(tc_scene *scene, const tc_volume *volume, tc_projection projection) {
-  test_scene(scene, SIDE, SIDE);
+  test_scene(scene, WIDE, WIDE);
   test_scene_frame(scene, volume, projection, (double[3]){1, -0.6, 0.4});
   scene->mode = TC_MODE_SPLAT;
   scene->splat.threshold[0] = 0.55, scene->splat.threshold[1] = 2;
@@ -72,6 +70,19 @@ TEST(pictures_are_equal_but_for_rims) {
     if (round == 4) /* from the inside */
       test_scene_look(&scene, TC_PERSPECTIVE, (double[3]){-970, 335, 75}, (double[3]){-900, 380, 100}, 80);
     if (round == 5) scene.image.linear_light = scene.image.transparent = true;
+    expect_equal(volume, NULL, &scene);
+  }
+}
+
+/* Thin lines and their ends, in voxels of many pixels. */
+TEST(lines_are_the_cpus) {
+  needs(test_renderers[GL]);
+  for (int round = 0; round < 4; round++) {
+    g_autoptr(tc_volume) volume = test_volume(round & 1 ? &flat_grid : &cube, tubes, &(double){round < 2 ? 0.6 : 0.9});
+    g_auto(tc_scene) scene;
+    splat_scene(&scene, volume, round & 1 ? TC_ORTHOGRAPHIC : TC_PERSPECTIVE);
+    scene.camera.height_mm /= 2.2, scene.camera.fov_y_deg /= 2.2;
+    scene.splat.threshold[0] = 0;
     expect_equal(volume, NULL, &scene);
   }
 }

@@ -2,6 +2,8 @@
 #include "tests/support/splats.h"
 #include <limits.h>
 
+#include "renderer/base/vector.h"
+
 /* ---- culling ---- */
 
 static void clip(tc_scene *scene, int i) {
@@ -12,17 +14,18 @@ static void clip(tc_scene *scene, int i) {
 }
 
 TEST(culling_changes_no_bit) {
-  object objects[2] = {object_of(&cube, blob, rough), object_of(&flat_grid, blob, ball)};
+  object objects[3] = {object_of(&cube, blob, rough), object_of(&flat_grid, blob, ball),
+                       object_of(&flat_grid, tubes, &(double){0.8})};
   tc_pool *pool = tc_pool_new(3, NULL);
   drawing a = {0}, b = {0};
   static const double zooms[] = {0.2, 1, 2.5, 6};
   uint64_t culled = 0, all = 0;
   for (int i = 0; i < 2; i++) assert_true(objects[i].splats->bytes < 6 * (size_t)objects[i].splats->n);
   for (int i = 0; i < 24; i++)
-    for (int which = 0; which < 2; which++) {
+    for (int which = 0; which < 3; which++) {
       g_auto(tc_scene) scene;
       look(&scene, &objects[which], i, zooms[i % 4]);
-      scene.splat.kernel_radius = i % 5 == 4 ? 2.5 : 1;
+      scene.splat.kernel_radius = i % 5 == 4 ? 2.5 : i % 11 == 5 ? 16 : 1;
       scene.filter = i % 7 == 6 ? TC_FILTER_CUBIC : TC_FILTER_LINEAR;
       tc_scene_light(&scene, i % 4 != 3);
       clip(&scene, i);
@@ -40,7 +43,7 @@ TEST(culling_changes_no_bit) {
   drawing_finish(&a);
   drawing_finish(&b);
   tc_pool_free(pool);
-  for (int i = 0; i < 2; i++) object_free(&objects[i]);
+  for (int i = 0; i < 3; i++) object_free(&objects[i]);
 }
 
 TEST(scalar_and_vector_agree) {
@@ -163,19 +166,60 @@ TEST(large_voxels_are_lit_smoothly) {
   assert_true(sqrt(sum / n) < 0.008);
 }
 
-/* Tubes of context[0] voxels' radius along no axis, of which voxels touch by corners and edges alone; 40 voxels a side. */
-static double tubes(double x, double y, double z, const void *context) {
-  static const double ends[3][2][3] = {{{4, 5, 6}, {35, 33, 30}}, {{6, 33, 8}, {34, 8, 20}}, {{7, 8, 34}, {33, 24, 9}}};
-  double nearest = 1e9;
-  for (int i = 0; i < 3; i++) {
-    const double *from = ends[i][0], p[3] = {x - from[0], y - from[1], z - from[2]};
-    double d[3], along = 0, length = 0, away = 0;
-    for (int k = 0; k < 3; k++) d[k] = ends[i][1][k] - from[k], along += p[k] * d[k], length += d[k] * d[k];
-    const double t = fmin(fmax(along / length, 0), 1);
-    for (int k = 0; k < 3; k++) away += (p[k] - t * d[k]) * (p[k] - t * d[k]);
-    nearest = fmin(nearest, sqrt(away));
+/* Pixel of an index position in an orthographic picture of `side` pixels. */
+static void pixel_of(const object *o, const tc_scene *scene, int side, const double index[3], double at[2]) {
+  const tc_camera *c = &scene->camera;
+  double lps[3], forward[3], right[3], down[3];
+  tc_volume_index_to_lps(o->volume, index, lps);
+  for (int k = 0; k < 3; k++) forward[k] = c->target[k] - c->position[k], lps[k] -= c->position[k];
+  cross3(forward, c->up, right);
+  cross3(forward, right, down);
+  normalise3(right), normalise3(down);
+  at[0] = dot3(lps, right) * side / c->height_mm + 0.5 * side, at[1] = dot3(lps, down) * side / c->height_mm + 0.5 * side;
+}
+
+/* How many times from `from` to `to` a line in the picture goes before it is covered, up to two. */
+static double bare_way(const tc_frame *frame, int side, const double from[2], const double to[2]) {
+  double way = 0;
+  for (; way < 2; way += 0.005) {
+    const int x = (int)(from[0] + (to[0] - from[0]) * way), y = (int)(from[1] + (to[1] - from[1]) * way);
+    if (x >= 0 && y >= 0 && x < side && y < side && frame->linear[4 * (y * side + x) + 3] > 0.5f) break;
   }
-  return *(const double *)context - nearest;
+  return way;
+}
+
+/* Lines of one voxel's width end where the surface does: voxels apart. */
+TEST(ends_of_lines_are_the_surfaces) {
+  enum { LARGE_SIDE = 400 };
+  g_autoptr(tc_renderer) renderer = tc_renderer_new(&(tc_renderer_options){.backend = TC_BACKEND_CPU}, NULL);
+  double sum = 0;
+  int n = 0;
+  for (int thickness = 0; thickness < 2; thickness++) {
+    g_auto(object) o = object_of(&cube, tubes, &(double){thickness ? 0.8 : 0.6});
+    for (int i = 6; i < 18; i += 2) {
+      g_auto(tc_scene) scene;
+      g_auto(drawing) d = {0};
+      g_auto(tc_frame) truth = {0};
+      look(&scene, &o, i, 1.4);
+      scene.image.width = scene.image.height = LARGE_SIDE;
+      draw_now(&o, &scene, (wish){0}, &d);
+      scene.mode = TC_MODE_ISOSURFACE;
+      scene.isosurface.value = 0;
+      assert_true(tc_render(renderer, o.volume, &scene, &(tc_render_request){.want_linear = true}, &truth, NULL));
+      for (int end = 0; end < 6; end++) {
+        const double *to = tube_ends[end / 2][end % 2], *other = tube_ends[end / 2][1 - end % 2];
+        double place[2], pixels[2], from[3], line[3], length;
+        for (int k = 0; k < 3; k++) line[k] = to[k] - other[k];
+        length = length3(line);
+        for (int k = 0; k < 3; k++) from[k] = to[k] + 3 / length * line[k]; /* three voxels further out */
+        pixel_of(&o, &scene, LARGE_SIDE, from, place), pixel_of(&o, &scene, LARGE_SIDE, to, pixels);
+        if (hypot(pixels[0] - place[0], pixels[1] - place[1]) < 10) continue; /* nearly along the view */
+        sum += 3 * fabs(bare_way(&d.frame, LARGE_SIDE, place, pixels) - bare_way(&truth, LARGE_SIDE, place, pixels)), n++;
+      }
+    }
+  }
+  print_message("%d ends, %.2f voxels apart on average\n", n, sum / n);
+  assert_true(n > 40 && sum / n < 0.25);
 }
 
 /* Memory follows what is seen, also where few splats share a brick. */

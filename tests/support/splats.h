@@ -26,7 +26,7 @@ static inline object object_of(const test_grid *grid, test_field field, const vo
   object o = {.volume = test_volume(grid, field, context)};
   o.model = tc_vmd_of_volume(o.volume, &(tc_vmd_wish){.low = 0, .high = INFINITY}, NULL, NULL);
   g_autoptr(tc_vmd_subject) subject = tc_vmd_subject_new(o.volume, 0, INFINITY);
-  const tc_splat_normals normals = {tc_vmd_normal_at, subject};
+  const tc_splat_normals normals = {tc_vmd_normal_at, subject, tc_vmd_end_at};
   o.splats = tc_splats_build(o.model, normals, false, NULL, NULL);
   o.everything = tc_splats_build(o.model, normals, true, NULL, NULL);
   assert_true(o.splats && o.everything && o.splats->n > 0);
@@ -105,6 +105,23 @@ static const test_grid flat_grid = {.dims = {40, 40, 40},
                                     .spacing = {0.5, 1, 1.7},
                                     .origin = {100, -50, 7},
                                     .direction = {0, 0.96, 0.28, -1, 0, 0, 0, -0.28, 0.96}};
+
+/* Tubes of context[0] voxels' radius along no axis, of which voxels touch by corners and edges alone; 40 voxels a side. */
+static const double tube_ends[3][2][3] = {
+    {{4, 5, 6}, {35, 33, 30}}, {{6, 33, 8}, {34, 8, 20}}, {{7, 8, 34}, {33, 24, 9}}};
+
+static inline double tubes(double x, double y, double z, const void *context) {
+  double nearest = 1e9;
+  for (int i = 0; i < 3; i++) {
+    const double *from = tube_ends[i][0], p[3] = {x - from[0], y - from[1], z - from[2]};
+    double d[3], along = 0, length = 0, away = 0;
+    for (int k = 0; k < 3; k++) d[k] = tube_ends[i][1][k] - from[k], along += p[k] * d[k], length += d[k] * d[k];
+    const double t = fmin(fmax(along / length, 0), 1);
+    for (int k = 0; k < 3; k++) away += (p[k] - t * d[k]) * (p[k] - t * d[k]);
+    nearest = fmin(nearest, sqrt(away));
+  }
+  return *(const double *)context - nearest;
+}
 
 /* The i-th viewing direction. */
 static inline void direction(int i, double side[3]) {

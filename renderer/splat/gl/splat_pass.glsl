@@ -41,7 +41,7 @@ vec3 unfolded(uint word) {
 }
 
 const float FLAT = 0.4, LONG = 1.3; // TC_SPLAT_FLAT, TC_SPLAT_LONG
-const uint SHEET = 0u, LINE = 1u, DOT = 3u; // tc_splat_thin
+const uint SHEET = 0u, END = 2u, DOT = 3u; // tc_splat_thin
 
 bool is_thin(uint word) { return (word >> 12 & word >> 13 & 0x15u) != 0u; }
 
@@ -57,8 +57,11 @@ Shape shape_of(uint word, uint stored, inout vec3 at) {
   float thick = float(stored & 63u) / 63.0, surface = (float(stored) - 1.0) * (splat.move / 254.0), along = FLAT, across = 1.0;
   uint what = stored >> 6;
   if (is_thin(word)) {
-    along = what == SHEET || what == DOT ? thick : what == LINE ? LONG : 1.0;
-    across = what == SHEET ? 1.0 : thick;
+    float on = float(stored & 7u) * (LONG / 7.0);
+    along = what == SHEET || what == DOT ? thick : what == END ? (on + splat.touch) * (0.5 / splat.touch) : LONG;
+    across = what == SHEET ? 1.0 : what == END ? float(stored >> 3 & 7u) * 0.1 + 0.3 : thick;
+    if (what == END)
+      at.xy += way.xy * ((on - splat.touch) * 0.5 * splat.move);
   } else {
     float middle = surface - FLAT * splat.touch * splat.move;
     at += way * vec3(middle, middle, surface);
