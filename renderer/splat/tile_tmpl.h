@@ -313,6 +313,17 @@ V_INLINE void look_at_voxel(const tc_splat_args *g, const tc_splat_entry *e, uin
 
 V_INLINE bool is_thin(uint32_t word) { return (word >> 12 & word >> 13 & 0x15) != 0; }
 
+/* A line's direction, of what stands in a normal's place: a covector, as normals are. */
+V_INLINE void line_direction(const tc_splat_args *g, float n[3]) {
+  float way[3] = {0}, square = 0;
+  for (int k = 0; k < 3; k++) {
+    const float *m = g->covariant[k], index = m[0] * n[0] + m[1] * n[1] + m[2] * n[2];
+    for (int r = 0; r < 3; r++) way[r] += m[r] * index;
+  }
+  for (int r = 0; r < 3; r++) square += way[r] * way[r];
+  for (int r = 0; r < 3; r++) n[r] = way[r] / sqrtf(square);
+}
+
 /* The normal of a splat seen at a pixel: of a sheet's two sides the eye's, and across a line what is nearest to the
  * eye. */
 V_INLINE void normal_of(const tc_splat_args *g, const tc_splat_entry *e, uint32_t splat, float x, float y, float n[3]) {
@@ -320,6 +331,7 @@ V_INLINE void normal_of(const tc_splat_args *g, const tc_splat_entry *e, uint32_
   float eye[3], square = 0, away = 0;
   tc_octahedron_unfold(word >> 18 & 127, word >> 25, 63, n);
   if (!is_thin(word)) return;
+  if (what == TC_SPLAT_LINE || what == TC_SPLAT_END) line_direction(g, n);
   for (int k = 0; k < 3; k++) {
     eye[k] = -(g->direction0[k] + x * g->direction_du[k] + y * g->direction_dv[k]);
     away -= n[k] * eye[k];

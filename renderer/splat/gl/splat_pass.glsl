@@ -124,7 +124,10 @@ vec3 normal_of(Footprint f) {
   uint what = f.inset >> 6;
   if (what == SHEET)
     return dot(n, eye) < 0.0 ? -n : n;
-  n = what == DOT ? eye : eye - dot(n, eye) * n;
+  vec3 way = vec3(0.0); // line_direction()
+  for (int k = 0; k < 3; k++)
+    way += splat.covariant[k].xyz * dot(splat.covariant[k].xyz, n);
+  n = what == DOT ? eye : eye - dot(way, eye) / dot(way, way) * way;
   return dot(n, n) > 0.0 ? n / sqrt(dot(n, n)) : n;
 }
 
