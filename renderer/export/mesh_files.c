@@ -1,11 +1,11 @@
-/* PLY, STL and OBJ. Byte order: little endian, this machine's. */
+/* PLY, STL and OBJ, in this machine's byte order, little endian. */
 #include <math.h>
 #include <string.h>
 
 #include "renderer/export/export.h"
 #include "renderer/export/output.h"
 
-/* Beyond this distance from the patient's origin single precision loses a thousandth of a mm. */
+/* Distance from the patient's origin beyond which single precision loses a thousandth of a mm. */
 #define SINGLE_REACH_MM 8192
 
 static void place(const tc_mesh *m, size_t vertex, double at[3]) {
@@ -19,7 +19,7 @@ static bool reaches_far(const tc_mesh *m) {
   return false;
 }
 
-/* Digits that restore the same number: nine for single precision, seventeen for double. */
+/* Prints digits that restore the same number: nine for single precision, seventeen for double. */
 static void print_place(tc_output *o, const double at[3], bool wide) {
   if (wide)
     tc_output_print(o, "%.17g %.17g %.17g", at[0], at[1], at[2]);
@@ -74,7 +74,7 @@ static void write_ply(tc_output *o, const tc_mesh *m, bool ascii) {
 
 /* ---- STL ---- */
 
-/* A triangle's corners and the direction of its plane. */
+/* Corners of a triangle and the normal of its plane. */
 static void facet_of(const tc_mesh *m, size_t i, float facet[4][3]) {
   double p[3][3], n[3], length = 0;
   for (int c = 0; c < 3; c++) place(m, m->triangles[i][c], p[c]);

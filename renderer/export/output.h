@@ -1,4 +1,4 @@
-/* A file in the making. Private to export/. */
+/* A file being written. Private to export/. */
 #ifndef TC_EXPORT_OUTPUT_H
 #define TC_EXPORT_OUTPUT_H
 
@@ -9,21 +9,21 @@
 #include "renderer/base/error.h"
 
 typedef struct tc_output {
-  char *path, *part; /* the name it gets, and the one it has meanwhile, beside it */
-  int descriptor;    /* the file's own; what `file` writes to is a copy of it */
+  char *path, *part; /* final name, and temporary name in the same folder */
+  int descriptor;    /* owned; `file` writes to a duplicate of it */
   gzFile file;
-  bool good; /* so far; what is written after a failure is left out */
+  bool good; /* no failure so far; after a failure, writes do nothing */
 } tc_output;
 
-/* False: TC_ERROR_IO, and nothing to end. */
+/* Returns false with TC_ERROR_IO; tc_output_end() must not be called then. */
 bool tc_output_begin(tc_output *output, const char *path, bool gzip, GError **error);
 void tc_output_write(tc_output *output, const void *bytes, size_t size);
 void tc_output_print(tc_output *output, const char *format, ...) G_GNUC_PRINTF(2, 3);
-/* What follows is compressed. */
+/* Everything written from here on is compressed. */
 void tc_output_compress(tc_output *output);
-/* Gives the file its name, or takes it away. */
+/* Renames the file to its final name, or removes it after a failure. */
 bool tc_output_end(tc_output *output, GError **error);
 
-bool tc_path_ends(const char *path, const char *ending); /* in any case */
+bool tc_path_ends(const char *path, const char *ending); /* case-insensitive */
 
 #endif

@@ -1,4 +1,4 @@
-/* NRRD, MetaImage and NIfTI-1. Byte order: little endian, this machine's. */
+/* NRRD, MetaImage and NIfTI-1, in this machine's byte order, little endian. */
 #include <math.h>
 #include <string.h>
 
@@ -11,7 +11,7 @@ typedef struct stored {
   const tc_volume *volume;
   const tc_volume_desc *d;
   tc_voxel_type type;
-  bool values; /* slope and intercept applied */
+  bool values; /* true: slope and intercept are applied */
 } stored;
 
 /* Integers with integer slope and intercept stay integers: the smallest type that holds their range. */
@@ -43,7 +43,7 @@ static void put_value(const stored *s, double value, void *to) {
   *(float *)to = (float)value;
 }
 
-/* Gaps, which a volume keeps apart from its voxels, are NaN again. */
+/* Writes gaps, which a volume keeps apart from its voxels, as NaN. */
 static void write_voxels(tc_output *o, const stored *s) {
   size_t row = (size_t)s->d->dims[0], rows = (size_t)s->d->dims[1] * (size_t)s->d->dims[2],
          size = tc_voxel_size(s->type);
@@ -116,7 +116,7 @@ static void put_i16(uint8_t *header, size_t at, int value) {
 
 /* The sform holds position and orientation, since it can express shears too. NIfTI's world is RAS. */
 static void nifti_head(tc_output *o, const stored *s) {
-  enum { SIZE = 352 }; /* with the four bytes that say no extension follows */
+  enum { SIZE = 352 }; /* includes the four bytes that say that no extension follows */
   static const int datatypes[] = {2, 256, 512, 4, 16};
   const tc_volume_desc *d = s->d;
   uint8_t h[SIZE] = {348 & 255, 348 >> 8};
@@ -176,7 +176,7 @@ bool tc_export_volume(const tc_volume *volume, const char *path, bool gzip, GErr
     mha_head(&o, &s);
   else
     nrrd_head(&o, &s, gzip);
-  if (gzip && !nifti) tc_output_compress(&o); /* a NRRD's header is not */
+  if (gzip && !nifti) tc_output_compress(&o); /* a NRRD's header stays uncompressed */
   write_voxels(&o, &s);
   return tc_output_end(&o, error);
 }

@@ -21,8 +21,8 @@ static bool stays_beside(const char *name) {
   return inside;
 }
 
-/* The kernel itself keeps links from leading out of the folder. Where it is too old or a filter forbids the call,
- * only a plain name that is no link is opened. */
+/* openat2() makes the kernel refuse links that lead out of the folder. Where the kernel is too old or a seccomp
+ * filter forbids the call, only a plain name that is not a link is opened. */
 static int open_beneath(int folder_fd, const char *name) {
   struct open_how how = {.flags = O_RDONLY | O_CLOEXEC | O_NONBLOCK,
                          .resolve = RESOLVE_BENEATH | RESOLVE_NO_MAGICLINKS};
@@ -42,7 +42,7 @@ int tc_beside_open(int folder_fd, const char *name, GError **error) {
     const bool missing = errno == ENOENT || errno == ENOTDIR;
     tc_set_error(error, missing ? TC_ERROR_FORMAT : TC_ERROR_IO, NULL, "data file %s: %s", quoted,
                  missing ? "missing, put it beside the header" : g_strerror(errno));
-  } else if (fstat(fd, &st) != 0 || !S_ISREG(st.st_mode)) { /* a FIFO or a device would hang or never end */
+  } else if (fstat(fd, &st) != 0 || !S_ISREG(st.st_mode)) { /* opening a FIFO or a device could block or never end */
     tc_set_error(error, TC_ERROR_FORMAT, NULL, "data file %s: not a regular file", quoted);
     close(fd);
     fd = -1;

@@ -1,6 +1,6 @@
-/* The daemon's side of decoding: starts a helper, gives it an open descriptor and no path, believes nothing it answers,
- * and ends it when it is silent, when the caller cancels, or when it is done. Files that a header names are opened
- * here, beside the input and nowhere else, where the options allow that. */
+/* The daemon's side of decoding: starts a helper process, passes it an open descriptor and no path, validates every
+ * answer, and kills it when it is silent, cancelled or done. The daemon opens the data files that a header names,
+ * only in the input's folder and only if the options allow it. */
 #include "renderer/import/helper.h"
 
 #include <errno.h>
@@ -24,17 +24,17 @@
 #include "renderer/import/wire.h"
 
 enum {
-  SILENCE_MS = 60000, /* a helper that says nothing this long hangs: it reports after every file and slice */
+  SILENCE_MS = 60000, /* a helper reports after every file and slice; one silent for this long hangs */
   WALL_MS = 3600000,
-  POLL_MS = 20, /* how soon a cancel is seen, and how often the helper's memory is looked at */
+  POLL_MS = 20, /* interval of checks for a cancel and for the helper's memory */
   CPU_SECONDS = 1800,
   HIGH_FD = TC_HELPER_LINKS_FD +
-            TC_LINK_ROOTS, /* descriptors are moved above those the helper expects before it is started */
+            TC_LINK_ROOTS, /* descriptors are moved above the numbers that the helper expects */
 };
 
 static const char *const program_names[TC_HELPER_COUNT] = {"tomocast-import", "tomocast-dicom", "tomocast-minc"};
 
-/* Address space of a helper: code and libraries, then a file and its decoded form beside each other. */
+/* Address space limit of a helper: code and libraries, plus the file and its decoded form at the same time. */
 static const uint64_t address_base = UINT64_C(2) << 30, address_most = UINT64_C(16) << 30;
 
 typedef struct session {
@@ -45,8 +45,8 @@ typedef struct session {
   int links[TC_LINK_ROOTS];
   uint32_t n_links;
   uint8_t *ring;
-  double fraction; /* last told */
-  int status;      /* of waitpid, once reaped */
+  double fraction; /* last reported */
+  int status;      /* from waitpid(), once reaped */
   int64_t began_ms, looked_ms;
 } session;
 
@@ -66,7 +66,7 @@ static char *program_folder(void) {
   return g_path_get_dirname(self);
 }
 
-/* The program to start; caller frees. */
+/* Path of the helper program; the caller frees it. */
 static char *find_program(const tc_import_options *options, const char *name, GError **error) {
   const char *given = options ? options->helpers : NULL;
   char *folder = given ? g_strdup(given) : program_folder(),
@@ -81,7 +81,7 @@ static char *find_program(const tc_import_options *options, const char *name, GE
   return path;
 }
 
-/* Above the descriptors the helper uses; takes over fd. */
+/* Moves a descriptor above those that the helper uses. Takes ownership of fd. */
 static int move_high(int fd, GError **error) {
   const int high = fcntl(fd, F_DUPFD_CLOEXEC, HIGH_FD);
   close(fd);
@@ -106,7 +106,7 @@ static bool open_input(session *s, GError **error) {
   return (s->input = move_high(fd, error)) >= 0;
 }
 
-/* Where its links may lead, for the helper to read there. */
+/* Opens the link roots: the helper may follow links into these folders. */
 static bool open_links(session *s, GError **error) {
   struct stat st;
   if ((s->options && s->options->self_contained) || fstat(s->input, &st) != 0 || !S_ISDIR(st.st_mode)) return true;
@@ -121,7 +121,7 @@ static bool open_links(session *s, GError **error) {
   return true;
 }
 
-/* Memory to share: of a size that the helper can no longer change. */
+/* Creates the shared memory. Its size is sealed, so the helper cannot change it. */
 static bool open_ring(session *s, GError **error) {
   const int fd = memfd_create("voxels", MFD_CLOEXEC | MFD_ALLOW_SEALING);
   if (fd >= 0 && ftruncate(fd, TC_WIRE_RING_BYTES) == 0 &&
@@ -156,7 +156,7 @@ static int spawn_with(session *s, char *program, int socket) {
   posix_spawnattr_init(&attributes);
   posix_spawn_file_actions_addopen(&files, 0, "/dev/null", O_RDONLY, 0);
   posix_spawn_file_actions_addopen(&files, 1, "/dev/null", O_WRONLY, 0);
-  posix_spawn_file_actions_addopen(&files, 2, "/dev/null", O_WRONLY, 0); /* a decoder's complaints quote the file */
+  posix_spawn_file_actions_addopen(&files, 2, "/dev/null", O_WRONLY, 0); /* decoders quote the file in their messages */
   posix_spawn_file_actions_adddup2(&files, s->input, TC_HELPER_INPUT_FD);
   posix_spawn_file_actions_adddup2(&files, socket, TC_HELPER_SOCKET_FD);
   posix_spawn_file_actions_adddup2(&files, s->ring_fd, TC_HELPER_RING_FD);
@@ -193,7 +193,7 @@ static bool send_request(const session *s, tc_helper_request *request, const cha
     tc_set_error(error, TC_ERROR_INVALID, NULL, "what follows the '#' is too long");
     return false;
   }
-  send(s->socket, request, sizeof *request, MSG_NOSIGNAL); /* a helper that is dead already is noticed by reading */
+  send(s->socket, request, sizeof *request, MSG_NOSIGNAL); /* a helper that has died shows at the next read */
   return true;
 }
 
@@ -226,10 +226,10 @@ static bool reserve(void *user, uint64_t bytes, GError **error) {
   return !s->options || !s->options->reserve || s->options->reserve(s->options->user, bytes, error);
 }
 
-/* Whether sealing may go on. */
+/* Reports progress while a volume is sealed; false: cancelled. */
 static bool keeps_on(void *user) { return tell(user, 1); }
 
-/* The stream ended too early: says how the helper died, without a word of what it read. */
+/* Error for a stream that ended early: says how the helper died and quotes nothing of the input. */
 static bool died(session *s, GError **error) {
   const char *how = "the decoder broke off; the file is probably damaged";
   if (s->pid > 0 && waitpid(s->pid, &s->status, 0) == s->pid) {
@@ -245,7 +245,7 @@ static bool died(session *s, GError **error) {
   return false;
 }
 
-/* The helper's memory but for what it maps of files, which the system may take back. */
+/* The helper's own memory, without the pages of mapped files, which the system can reclaim. */
 static uint64_t helper_bytes(const session *s) {
   char path[40], text[100] = "";
   unsigned long long size, resident = 0, shared = 0;
@@ -257,7 +257,7 @@ static uint64_t helper_bytes(const session *s) {
   return resident > shared ? (resident - shared) * (uint64_t)sysconf(_SC_PAGESIZE) : 0;
 }
 
-/* Now and then, however much the helper says: is the load cancelled, and has the helper more memory than there is? */
+/* At intervals, even while messages keep coming: checks for a cancel and for the helper's memory against the budget. */
 static bool may_go_on(session *s, GError **error) {
   const tc_import_options *o = s->options;
   if (now_ms() - s->looked_ms < POLL_MS) return true;
@@ -269,7 +269,7 @@ static bool may_go_on(session *s, GError **error) {
   return !o || !o->decoder || o->decoder(o->user, helper_bytes(s), error);
 }
 
-/* Nothing to read: is the helper silent for too long? */
+/* Waits a moment for input; false if the helper has been silent for too long. */
 static bool may_wait(session *s, int64_t since_ms, GError **error) {
   struct pollfd p = {.fd = s->socket, .events = POLLIN};
   if (poll(&p, 1, POLL_MS) != 0) return true;
@@ -278,7 +278,7 @@ static bool may_wait(session *s, int64_t since_ms, GError **error) {
   return false;
 }
 
-/* tc_wire_read_fn: exactly `size` bytes. */
+/* A tc_wire_read_fn: reads exactly `size` bytes. */
 static bool read_socket(void *user, void *bytes, size_t size, GError **error) {
   session *s = user;
   char *at = bytes;
@@ -315,11 +315,11 @@ static void reply(void *user, char what, int fd) {
     *header = (struct cmsghdr){.cmsg_level = SOL_SOCKET, .cmsg_type = SCM_RIGHTS, .cmsg_len = CMSG_LEN(sizeof fd)};
     memcpy(CMSG_DATA(header), &fd, sizeof fd);
   }
-  /* never waits: one that asks and does not read its answers would hold this thread past every limit */
+  /* never blocks: a helper that does not read its replies would hold this thread past every limit */
   while (sendmsg(s->socket, &message, MSG_NOSIGNAL | MSG_DONTWAIT) < 0 && errno == EINTR) continue;
 }
 
-/* A file that a header names, or that belongs to it. */
+/* Opens a file that the header names or that belongs to the input. */
 static int open_beside(void *user, const char *name, bool optional, GError **error) {
   const session *s = user;
   if (s->options && s->options->self_contained) {
@@ -335,7 +335,7 @@ static int open_beside(void *user, const char *name, bool optional, GError **err
   return fd;
 }
 
-/* Always kills: a helper that has said END has nothing left to do, any other deserves it. */
+/* Always kills the helper: after END it has nothing left to do, and otherwise it has failed. */
 static void stop(session *s) {
   if (s->pid > 0) kill(s->pid, SIGKILL);
   while (s->pid > 0 && waitpid(s->pid, &s->status, 0) < 0 && errno == EINTR) continue;
@@ -360,7 +360,7 @@ static tc_wire_reader reader_for(session *s) {
                           .max_voxel_bytes = s->options ? s->options->max_voxel_bytes : 0};
 }
 
-/* Whether the helper named another one instead, once: what is packed is known when it is unpacked. */
+/* True once if the helper named another helper: the format of a packed file is known only after unpacking. */
 static bool is_elsewhere(tc_helper *helper, bool *asked, GError **error) {
   if (!*error || (*error)->code < TC_WIRE_ELSEWHERE) return false;
   const bool first = !*asked;

@@ -1,4 +1,4 @@
-/* The one entry for every format: what a path names, and which helper reads it. */
+/* One entry for all formats: splits a path into file and series, and chooses the helper that reads the file. */
 #include "renderer/import/import.h"
 
 #include <string.h>
@@ -18,7 +18,7 @@ static void target_clear(target *t) {
   g_clear_pointer(&t->series, g_free);
 }
 
-/* A DICOMDIR lists the pictures beside and below it. */
+/* A DICOMDIR lists pictures in its own folder and in folders below. */
 static void use_folder_of_dicomdir(target *t) {
   char *name = g_path_get_basename(t->path);
   if (!t->folder && g_ascii_strcasecmp(name, "DICOMDIR") == 0) {
@@ -30,8 +30,8 @@ static void use_folder_of_dicomdir(target *t) {
   g_free(name);
 }
 
-/* A '#' may be part of a name: it starts a suffix only where the whole path does not exist. A suffix has one part or
- * two ("#2#volume=3"). */
+/* A '#' may be part of a file name, so it starts a suffix only if the whole path does not exist. A suffix has one or
+ * two parts ("#2#volume=3"). */
 static bool find_target(const char *path, target *t, GError **error) {
   struct stat st;
   *t = (target){.path = g_strdup(path)};
@@ -54,13 +54,13 @@ static bool find_target(const char *path, target *t, GError **error) {
   return true;
 }
 
-/* By content; what is packed is known by its name alone. */
+/* Chooses by content. Packed files are recognised by name only. */
 static tc_helper helper_for(const target *t) {
   const bool packed = g_str_has_suffix(t->path, ".dcm.gz") || g_str_has_suffix(t->path, ".dcm.bz2");
   return t->folder || packed ? TC_HELPER_DICOM : tc_helper_for(t->path);
 }
 
-/* Passes on what went wrong, with the file's base name: one line, whatever the file is called. */
+/* Adds the file's base name to the error, on one line and in printable characters. */
 static void say_which(const char *path, GError *trouble, GError **error) {
   char *name = g_path_get_basename(path);
   for (char *at = name; *at; at++)
@@ -93,7 +93,7 @@ bool tc_import_names_mesh(const char *path) {
   for (int i = 4; i >= 0; i--) {
     if (!g_str_has_suffix(lower, endings[i])) continue;
     named |= i < 3;
-    if (i >= 3) lower[strlen(lower) - strlen(endings[i])] = 0; /* packed: what is before tells */
+    if (i >= 3) lower[strlen(lower) - strlen(endings[i])] = 0; /* packed: the ending before .gz decides */
   }
   g_free(lower);
   return named;

@@ -36,7 +36,7 @@ static bool lies_in_root(const char *path) {
   return false;
 }
 
-/* The file is held open while its name is looked at: no link can be turned round in between. */
+/* The file stays open while its real path is checked, so a link cannot be changed in between. */
 int tc_links_open(int folder_fd, const char *name, int flags) {
   char self[40], path[4096];
   if (count == 0 || name[0] == '/') return -1;

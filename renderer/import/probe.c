@@ -1,4 +1,5 @@
-/* Is this DICOM, a picture, HDF5? Shared by the parent (is it worth a helper) and the helper (which files of a folder to read). */
+/* Recognises DICOM, pictures and HDF5 by their first bytes. The daemon uses this to choose a helper, the helper to
+ * choose files of a folder. */
 #include <fcntl.h>
 #include <string.h>
 #include <sys/stat.h>

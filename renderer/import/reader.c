@@ -18,7 +18,7 @@ void tc_reader_seek(tc_reader *reader, size_t at) {
 
 size_t tc_reader_left(const tc_reader *reader) { return reader->size - reader->at; }
 
-/* One integer of n bytes, most significant first or last. */
+/* Reads an integer of n bytes in the reader's byte order. */
 static uint64_t take(tc_reader *reader, size_t n) {
   if (n > tc_reader_left(reader)) {
     reader->failed = true;

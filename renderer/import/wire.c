@@ -1,4 +1,4 @@
-/* The parent's side of the helper's stream. It believes none of it: caps on every length, a range for every number. */
+/* The daemon's side of the helper's stream. It trusts nothing: every length has a maximum and every number a range. */
 #include "renderer/import/wire.h"
 
 #include <math.h>
@@ -20,7 +20,7 @@ static bool broken(GError **error, const char *what) {
   return false;
 }
 
-/* The longest body of a kind; a kind not known has none. */
+/* Checks the body's length against the maximum of its kind; unknown kinds have none. */
 static bool length_fits(const message *m) {
   switch (m->kind) {
   case TC_WIRE_PROGRESS: return m->length == 8;
@@ -38,7 +38,7 @@ static bool length_fits(const message *m) {
   }
 }
 
-/* Reads a body of `bytes` bytes whole; the reader begins at its first. */
+/* Reads a whole body of `bytes` bytes and sets the reader to its start. */
 static bool take_body(const tc_wire_reader *in, uint8_t *body, size_t bytes, tc_reader *r, GError **error) {
   if (!in->read(in->user, body, bytes, error)) return false;
   tc_reader_init(r, body, bytes, false);
@@ -54,7 +54,7 @@ static bool next_message(const tc_wire_reader *in, message *m, GError **error) {
   return length_fits(m) || broken(error, "unknown message");
 }
 
-/* Copies a fixed field of words that people wrote: UTF-8 without control characters. */
+/* Copies a fixed-size field of free text as UTF-8 without control characters. */
 static void take_words(tc_reader *r, char *out, size_t field) {
   for (size_t i = 0; i < field; i++) {
     uint8_t c = tc_reader_u8(r);
@@ -70,17 +70,17 @@ static void take_words(tc_reader *r, char *out, size_t field) {
   memset(out + strlen(out), 0, field - strlen(out));
 }
 
-/* Copies a fixed text field as printable ASCII; the helper's text may hold anything. */
+/* Copies a fixed-size text field as printable ASCII, whatever the helper sent. */
 static void take_text(tc_reader *r, char *out, size_t field) {
   for (size_t i = 0; i < field; i++) {
     uint8_t c = tc_reader_u8(r);
     out[i] = (char)(c == 0 || (c >= 0x20 && c < 0x7f) ? c : '?');
   }
   out[field - 1] = 0;
-  memset(out + strlen(out), 0, field - strlen(out)); /* nothing after the end either */
+  memset(out + strlen(out), 0, field - strlen(out)); /* clears the rest of the field, too */
 }
 
-/* The helper may use these codes only: the others speak of the parent's state, not of a file. */
+/* A helper may report only these codes; the others describe the daemon's state, not a file. */
 static bool take_fail(const tc_wire_reader *in, GError **error) {
   uint8_t body[4 + TC_WIRE_FAIL_TEXT];
   char text[TC_WIRE_FAIL_TEXT];
@@ -117,7 +117,7 @@ static bool format_is_sane(const char *format) {
   return true;
 }
 
-/* Numbers that tc_volume_new() does not look at; it checks the grid itself. */
+/* Checks the numbers that tc_volume_new() does not; that function checks the grid. */
 static bool head_is_sane(const tc_volume_desc *d) {
   for (int i = 0; i < 9; i++)
     if (!(fabs(d->direction[i]) <= 1.001)) return false;
@@ -177,7 +177,7 @@ static tc_volume *volume_for(const tc_wire_reader *in, GError **error) {
   tc_volume_desc desc;
   tc_provenance from;
   if (!take_head(in, &desc, &from, error)) return NULL;
-  uint64_t bytes = from.colors ? 3 : tc_voxel_size(desc.type); /* of colours: luma, and labels of two bytes */
+  uint64_t bytes = from.colors ? 3 : tc_voxel_size(desc.type); /* colours: luma and two-byte labels */
   for (int i = 0; i < 3; i++)
     if (__builtin_mul_overflow(bytes, (uint64_t)desc.dims[i], &bytes)) bytes = UINT64_MAX;
   if (over_limit(in, bytes, "the volume holds voxels of", error)) return NULL;
@@ -215,20 +215,20 @@ static bool take_open(const tc_wire_reader *in, GError **error) {
   return true;
 }
 
-/* A volume or a mesh on its way: up to four arrays, filled one behind the other. */
+/* A volume or mesh under construction: up to four arrays, filled one after another. */
 typedef struct filling {
   tc_volume *volume; /* NULL before HEAD */
-  uint8_t *model;    /* or before MODEL, of whose bytes the volume is made at the end */
+  uint8_t *model;    /* or before MODEL; the volume is decoded from these bytes at the end */
   size_t model_bytes;
   tc_mesh *mesh;        /* NULL before MESH */
-  tc_mesh_file *source; /* of a mesh; NULL: a volume is wanted */
+  tc_mesh_file *source; /* facts about a mesh file; NULL: a volume is expected */
   struct {
     char *at;
     size_t left;
   } arrays[4];
   int n_arrays, next;
   GArray *segments;  /* NULL: none */
-  tc_colors *colors; /* of a volume of RGB */
+  tc_colors *colors; /* of an RGB volume */
 } filling;
 
 static void add_array(filling *f, void *at, size_t bytes) {
@@ -271,8 +271,8 @@ static bool take_volume(const tc_wire_reader *in, filling *f, GError **error) {
   return f->n_arrays > 0 || f->colors;
 }
 
-/* While it is read there are its bytes, a copy of most of them, and an index of four bytes a column, of which each has
- * a byte at least. */
+/* Memory of a model while it is read, as a multiple of its bytes: the bytes, a copy of most of them, and an index of
+ * four bytes per column; each column has at least one byte. */
 #define MODEL_ROOM 6
 
 static bool take_model(const tc_wire_reader *in, filling *f, GError **error) {
@@ -292,7 +292,7 @@ static bool take_model(const tc_wire_reader *in, filling *f, GError **error) {
   return true;
 }
 
-/* The helper has unpacked it: here nothing inflates. */
+/* The helper has decompressed the model, so the daemon inflates nothing. */
 static tc_volume *volume_of_model(const filling *f, GError **error) {
   tc_reader r;
   tc_reader_init(&r, f->model, f->model_bytes, false);
@@ -326,7 +326,7 @@ static bool take_mesh_head(const tc_wire_reader *in, tc_mesh_head *head, GError 
   return (head->n_triangles && format_is_sane(head->format)) || broken(error, "mesh header");
 }
 
-/* Memory is asked for with normals: who shows the mesh makes those that are missing. */
+/* Reserves memory for normals in any case: the renderer computes missing ones. */
 static bool take_mesh(const tc_wire_reader *in, filling *f, GError **error) {
   tc_mesh_head head;
   if (f->mesh || !f->source) return broken(error, "a mesh header out of place");
@@ -347,7 +347,7 @@ static bool take_mesh(const tc_wire_reader *in, filling *f, GError **error) {
   return true;
 }
 
-/* Whether numbers are finite and at most `most` each. */
+/* Whether all numbers are finite and at most `most` in size. */
 static bool within(const float (*vectors)[3], size_t n, float most) {
   bool good = true;
   for (size_t i = 0; i < n; i++)
@@ -355,7 +355,7 @@ static bool within(const float (*vectors)[3], size_t n, float most) {
   return good;
 }
 
-/* The helper is not believed: whatever draws the mesh relies on this. */
+/* Validates the helper's mesh, because every renderer relies on finite positions and valid indices. */
 static bool mesh_is_sound(const tc_wire_reader *in, const tc_mesh *m, GError **error) {
   enum { PORTION = 1 << 20 };
   for (size_t i = 0; i < MAX(m->n_vertices, m->n_triangles); i += PORTION) {
@@ -396,7 +396,7 @@ static bool take_segment(const tc_wire_reader *in, filling *f, GError **error) {
   return true;
 }
 
-/* Each label is known once. */
+/* A label may occur once only. */
 static bool keep_segments(filling *f, GError **error) {
   size_t count;
   if (!f->segments) return true;
