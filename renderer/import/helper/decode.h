@@ -6,24 +6,25 @@
 
 typedef struct tc_decoder tc_decoder;
 
-/* Starts at `offset` of the input, which must outlive the decoder. `element` matters for text only. Text and hex
- * are decoded whole, at most `wanted` bytes. */
+/* Starts at `offset` of the input, which must outlive the decoder. `element` matters for text only. Text and hex are
+ * decoded at once, at most `wanted` bytes. */
 tc_decoder *tc_decoder_new(const tc_input *input, uint64_t offset, tc_encoding encoding, tc_element element,
                            uint64_t wanted, GError **error);
 void tc_decoder_free(tc_decoder *decoder); /* NULL is fine */
-/* `watch` is asked while compressed bytes are fetched and while bytes are left out. */
+/* `watch` is called while compressed bytes are fetched and while bytes are skipped. */
 void tc_decoder_watch(tc_decoder *decoder, tc_watch_fn watch, void *user);
 
-/* Up to n bytes; fewer only at the end of the data. False on damaged data. */
+/* Reads up to n bytes; fewer only at the end of the data. False on damaged data. */
 bool tc_decoder_read(tc_decoder *decoder, void *to, size_t n, size_t *got, GError **error);
 
-/* Leaves out up to n bytes; *skipped tells how many there were. */
+/* Skips up to n bytes; *skipped receives how many were skipped. */
 bool tc_decoder_skip(tc_decoder *decoder, uint64_t n, uint64_t *skipped, GError **error);
 
-/* True when the stream ended because the file did, in the middle of compressed data. */
+/* True if the file ended in the middle of compressed data. */
 bool tc_decoder_cut(const tc_decoder *decoder);
 
-/* Text to numbers of `element`, or hex digits to bytes; at most `wanted` bytes. Caller frees (g_byte_array_unref). */
+/* Converts text to numbers of type `element`, or hex digits to bytes; at most `wanted` bytes. Caller frees
+ * (g_byte_array_unref). */
 GByteArray *tc_decode_text(const char *text, size_t length, tc_element element, uint64_t wanted, GError **error);
 GByteArray *tc_decode_hex(const char *text, size_t length, uint64_t wanted, GError **error);
 

@@ -21,19 +21,19 @@ extern "C" {
 #endif
 
 typedef struct tc_dicom_group {
-  uint32_t *slices; /* [count], indices of the slices given */
+  uint32_t *slices; /* [count], indices into the slices given */
   size_t count;
-  size_t places;  /* different positions among them */
-  uint32_t segment; /* whose fractions these are; 0: none's */
-  bool tangled;   /* pictures share positions and nothing tells them apart: no volume can be made */
-  char what[48];  /* what tells it from the others: "echo 90 ms", "time 2", "" */
+  size_t places;  /* number of different positions */
+  uint32_t segment; /* segment whose fractions these slices hold; 0: none */
+  bool tangled;   /* several pictures share a position and no header value distinguishes them: no volume can be made */
+  char what[48];  /* difference from the other volumes: "echo 90 ms", "time 2", "" */
 } tc_dicom_group;
 
 typedef struct tc_dicom_groups {
-  tc_dicom_group *list; /* [count], owned: by orientation, then by key and turn */
+  tc_dicom_group *list; /* [count], owned; sorted by orientation, then by key and turn */
   size_t count;
-  size_t places; /* different positions of all pictures: what a volume's share is measured against */
-  size_t copies; /* pictures that were there more than once */
+  size_t places; /* different positions of all pictures; a volume's share is measured against them */
+  size_t copies; /* number of duplicate pictures */
   uint32_t *store;
 } tc_dicom_groups;
 
@@ -41,9 +41,9 @@ typedef struct tc_dicom_groups {
 void tc_dicom_groups_make(const tc_dicom_slice *slices, size_t count, tc_dicom_groups *groups);
 void tc_dicom_groups_finish(tc_dicom_groups *groups); /* frees; a zeroed one is fine */
 
-/* The volume to open: number `wanted` (from 1), or for 0 the one with most positions, the first of equals. That one
- * must hold at least half of all positions, else TC_ERROR_FORMAT: a piece is opened only for who asks for it.
- * TC_ERROR_NOT_FOUND for a number that is not there. -1 with an error. */
+/* Chooses the volume to open: number `wanted` (from 1), or for 0 the one with most positions (the first of equals).
+ * For 0 that volume must hold at least half of all positions, else TC_ERROR_FORMAT: a smaller part is opened only on
+ * request. TC_ERROR_NOT_FOUND for an unknown number. Returns -1 with an error. */
 int tc_dicom_groups_choose(const tc_dicom_groups *groups, unsigned wanted, GError **error);
 
 #ifdef __cplusplus

@@ -1,4 +1,4 @@
-/* Where the bytes of DICOM come from: a file, a folder of files, or a zip. */
+/* The bytes of DICOM objects from a file, a folder of files, or a zip. */
 #ifndef TC_IMPORT_DICOM_SOURCES_H
 #define TC_IMPORT_DICOM_SOURCES_H
 
@@ -13,8 +13,8 @@
 extern "C" {
 #endif
 
-/* The files under the input, numbered from 0: one file, a folder's (recursive, by name, links to folders not followed), or a
- * zip's. */
+/* The files under the input, numbered from 0: one file, the files of a folder (recursive, sorted by name; links to
+ * folders are not followed), or the members of a zip. */
 typedef struct tc_dicom_sources {
   int root;
   GPtrArray *names; /* of a folder; NULL otherwise */
@@ -22,7 +22,7 @@ typedef struct tc_dicom_sources {
   bool is_zip;
   void *map; /* the zip or the one file, [map_size] */
   size_t map_size;
-  bool unpacked; /* it was gzip or bzip2: map is allocated */
+  bool unpacked; /* the input was gzip or bzip2: map is heap memory */
   size_t count;
 } tc_dicom_sources;
 
@@ -34,20 +34,20 @@ void tc_dicom_sources_finish(tc_dicom_sources *sources);
 typedef struct tc_dicom_blob {
   const uint8_t *bytes; /* [size] */
   size_t size;
-  void *map, *heap; /* what to give back */
+  void *map, *heap; /* memory to release */
 } tc_dicom_blob;
 
-/* What a source looks like by its first bytes. */
+/* Kind of a source by its first bytes. */
 typedef enum tc_dicom_source_kind { TC_SOURCE_OTHER, TC_SOURCE_DICOM, TC_SOURCE_PICTURE, TC_SOURCE_HDF5 } tc_dicom_source_kind;
 tc_dicom_source_kind tc_dicom_sources_kind(const tc_dicom_sources *sources, size_t index);
-const char *tc_dicom_sources_name(const tc_dicom_sources *sources, size_t index); /* to sort by; "" of one file */
+const char *tc_dicom_sources_name(const tc_dicom_sources *sources, size_t index); /* sort key; "" for a single file */
 
-/* False without an error for what does not look like `kind`; with one for what cannot be read. */
+/* Returns false without an error if the source does not look like `kind`, and with one if it cannot be read. */
 bool tc_dicom_sources_get_kind(const tc_dicom_sources *sources, size_t index, tc_dicom_source_kind kind,
                                tc_dicom_blob *blob, GError **error);
-/* The same for DICOM. */
+/* tc_dicom_sources_get_kind() for TC_SOURCE_DICOM. */
 bool tc_dicom_sources_get(const tc_dicom_sources *sources, size_t index, tc_dicom_blob *blob, GError **error);
-void tc_dicom_blob_finish(tc_dicom_blob *blob); /* a zeroed one is fine */
+void tc_dicom_blob_finish(tc_dicom_blob *blob); /* accepts a zeroed blob */
 
 #ifdef __cplusplus
 }
