@@ -1,16 +1,16 @@
-/* Which pictures of a series belong together: a series becomes volumes, and no volume is a mixture.
+/* Divides the pictures of a series into volumes, so that no volume mixes pictures that do not belong together.
  *
  * Pure geometry and header numbers, no DICOM. Rules:
- * - Pictures of different size, pixel spacing or orientation (over 0.8 degrees) are different volumes.
- * - So are those of another stack, time, echo, b-value or cardiac phase (the first keys).
- * - Image type and acquisition number (the last keys) part pictures only where the parts lie among each other: a scan
- *   may be acquired piece by piece, one piece beyond the other, and is one volume then. Acquisitions that share
- *   positions, or lie between each other's slices, are volumes of their own.
- * - What is still at one position is told apart by its turn (trigger time, instance, frame), where every position has
- *   as many pictures or the instances run through the stack again and again; else the volume is tangled.
- * - Copies of one picture (the same UID and frame) are one.
- * - Frames of segmentations share positions by design: one volume, of labels. Where they hold fractions, each segment
- *   makes another, of its own. */
+ * - Pictures of different size, pixel spacing or orientation (over 0.8 degrees) are in different volumes.
+ * - So are pictures of different stack, time, echo, b-value or cardiac phase (the first keys).
+ * - Image type and acquisition number (the last keys) separate pictures only if the parts interleave. A scan may be
+ *   acquired piece by piece, each beyond the one before, and is one volume then. Acquisitions that share positions,
+ *   or lie between each other's slices, are separate volumes.
+ * - Pictures still at one position are separated by their turn (trigger time, instance, frame) if every position has
+ *   equally many pictures or the instances run through the stack repeatedly; else the volume is tangled.
+ * - Copies of one picture (same UID and frame) count once.
+ * - Frames of segmentations share positions by design: they make one volume of labels. If they hold fractions, each
+ *   segment makes a further volume. */
 #ifndef TC_IMPORT_DICOM_GROUP_H
 #define TC_IMPORT_DICOM_GROUP_H
 

@@ -1,4 +1,4 @@
-/* Data files named by a header: a printf-like pattern with a range, as NRRD and MetaImage share it. */
+/* Data files named by a header: a printf-like pattern with a range, shared by NRRD and MetaImage. */
 #ifndef TC_IMPORT_NAMES_H
 #define TC_IMPORT_NAMES_H
 
@@ -7,12 +7,12 @@
 
 #include "renderer/base/error.h"
 
-/* Most data files one header may name. */
+/* Largest number of data files that a header may name. */
 #define TC_MAX_DATA_FILES 65536
 
 /* "slice%03d.raw 1 20 1": fills `names` (of g_free'd strings) with slice001.raw ... slice020.raw. The pattern holds
- * one %d, with a width of at most 99 and a leading 0 where wanted, and no other directive (%% is a percent sign).
- * *rest, when not NULL, receives the number after the range, or -1. TC_ERROR_FORMAT says what is wrong. */
+ * one %d, optionally with a width of at most 99 and a leading 0, and no other directive (%% is a percent sign).
+ * *rest, if not NULL, receives the number after the range, or -1. TC_ERROR_FORMAT describes the fault. */
 bool tc_names_from_pattern(const char *text, GPtrArray *names, int64_t *rest, GError **error);
 
 #endif

@@ -1,4 +1,4 @@
-/* NRRD between its two files: nrrd.c reads the header's text and finds the data, nrrd_axes.c makes axes of it. */
+/* Shared by the two files of NRRD: nrrd.c parses the header and finds the data, nrrd_axes.c derives the axes. */
 #ifndef TC_IMPORT_NRRD_H
 #define TC_IMPORT_NRRD_H
 
@@ -15,7 +15,7 @@ typedef enum tc_nrrd_field {
 
 typedef struct tc_nrrd_header {
   char *fields[NRRD_FIELD_COUNT]; /* the text of each field given, or NULL; owned */
-  int lines[NRRD_FIELD_COUNT];    /* where it stands, 1-based */
+  int lines[NRRD_FIELD_COUNT];    /* line number of each field, from 1 */
   char modality[16];              /* from a key/value pair, or "" */
   GArray *segments;               /* tc_layered, from 3D Slicer's key/value pairs, or NULL; owned */
   GPtrArray *names;               /* data files, or NULL: attached; owned */
@@ -25,11 +25,11 @@ typedef struct tc_nrrd_header {
 } tc_nrrd_header;
 
 
-/* Sets an error "header line N: FIELD: ..." for a field that is there, "FIELD: ..." for one that is not. */
+/* Sets the error "header line N: FIELD: ..." for a field of the header, "FIELD: ..." for a missing one. */
 void tc_nrrd_error(const tc_nrrd_header *header, tc_nrrd_field field, tc_error_code code, GError **error,
                    const char *format, ...) G_GNUC_PRINTF(5, 6);
 
-/* Fills dims, components, frames and the place in space of the raster. Its element is set before. */
+/* Fills dims, components, frames and the geometry of the raster. raster->element must be set. */
 bool tc_nrrd_set_axes(tc_raster *raster, const tc_nrrd_header *header, GError **error);
 
 #endif

@@ -1,4 +1,4 @@
-/* The helper's end of wire.h: an order whose voxels go to the daemon. */
+/* The helper's side of wire.h: an order whose voxels go to the daemon. */
 #ifndef TC_IMPORT_OUTPUT_H
 #define TC_IMPORT_OUTPUT_H
 
@@ -6,12 +6,12 @@
 
 typedef struct tc_output {
   uint8_t *ring;
-  unsigned next, busy; /* slot to fill; how many the daemon has not taken yet */
-  double told;         /* the last fraction */
-  int64_t told_us;     /* and when */
+  unsigned next, busy; /* next slot to fill; number of slots that the daemon has not returned */
+  double told;         /* last fraction reported */
+  int64_t told_us;     /* time of that report */
 } tc_output;
 
-/* Maps the ring and fills the order. */
+/* Maps the ring and fills in the order's functions. */
 bool tc_output_init(tc_output *output, tc_order *order, GError **error);
 
 #endif

@@ -1,4 +1,4 @@
-/* Segments that overlap, kept exactly: where several share a voxel, their combination has a label of its own. */
+/* Exact overlaps of segments: each combination of segments that share a voxel gets its own label. */
 #ifndef TC_IMPORT_OVERLAPS_H
 #define TC_IMPORT_OVERLAPS_H
 
@@ -9,23 +9,23 @@ extern "C" {
 #endif
 
 typedef struct tc_overlaps {
-  uint32_t last;     /* the largest label of a single segment */
-  GArray *made;      /* tc_segment: the combinations, labels last + 1 on */
-  GHashTable *pairs; /* a label and a segment that joins it -> the combination's label */
-  uint32_t under, segment, label; /* the answer before */
-  bool full;         /* more combinations than labels: there, the later segment is kept */
+  uint32_t last;     /* largest label of a single segment */
+  GArray *made;      /* tc_segment: the combinations, labels from last + 1 */
+  GHashTable *pairs; /* key: a label and a segment added to it; value: the combination's label */
+  uint32_t under, segment, label; /* the previous look-up */
+  bool full;         /* there are more combinations than labels; the later segment wins from here on */
 } tc_overlaps;
 
 void tc_overlaps_init(tc_overlaps *overlaps, uint32_t last);
-void tc_overlaps_finish(tc_overlaps *overlaps); /* a zeroed one is fine */
+void tc_overlaps_finish(tc_overlaps *overlaps); /* accepts a zeroed value */
 
-/* The label of a voxel labelled `under` (0: nothing) that belongs to `segment`, 1..last, as well. */
+/* The label of a voxel that has label `under` (0: none) and also belongs to `segment`, 1..last. */
 uint32_t tc_overlaps_label(tc_overlaps *overlaps, uint32_t under, uint32_t segment);
 
-/* The largest label there is. */
+/* The largest label in use. */
 uint32_t tc_overlaps_most(const tc_overlaps *overlaps);
 
-/* Tells the order what the labels are: `segments` [count] with their names and colours, and the combinations of them. */
+/* Sends names and colours of the labels: `segments` [count], and their combinations. */
 bool tc_overlaps_send(const tc_overlaps *overlaps, const tc_segment *segments, size_t count, const tc_order *order,
                       GError **error);
 

@@ -1,10 +1,10 @@
-/* One file of pictures, PNG or TIFF: its pages one after the other, as grey voxels. */
+/* One picture file, PNG or TIFF: its pages one after another, as grey voxels. */
 #ifndef TC_IMPORT_PICTURE_H
 #define TC_IMPORT_PICTURE_H
 
 #include "renderer/volume/volume.h"
 
-enum { TC_PICTURE_PAGES = 65536 }; /* of a file, at most */
+enum { TC_PICTURE_PAGES = 65536 }; /* largest number of pages */
 
 typedef struct tc_page {
   int width, height;
@@ -14,7 +14,7 @@ typedef struct tc_page {
 
 size_t tc_page_bytes(const tc_page *page);
 
-/* What ImageJ notes in a TIFF; zeros and ones where there is nothing. */
+/* Geometry that ImageJ writes into a TIFF; zeros and ones if it is missing. */
 typedef struct tc_picture_note {
   double spacing[3];            /* mm */
   int slices, channels, frames; /* pages go channel by channel, then slice by slice */
@@ -24,18 +24,19 @@ typedef struct tc_picture {
   const uint8_t *bytes; /* [size] */
   size_t size;
   struct tiff *tiff; /* NULL: PNG */
-  uint64_t at;       /* where its mapping is read by libtiff */
-  int pages, next;   /* next: the page that the following tc_picture_read() reads */
+  uint64_t at;       /* read position of libtiff in the bytes */
+  int pages, next;   /* next: index of the page that the following tc_picture_read() reads */
   tc_picture_note note;
 } tc_picture;
 
-/* Opens a file, whose bytes stay the caller's, at its first page. TC_ERROR_FORMAT, _UNSUPPORTED, _LIMIT. */
+/* Opens a file at its first page; the caller keeps the bytes. TC_ERROR_FORMAT, _UNSUPPORTED, _LIMIT. */
 bool tc_picture_open(tc_picture *picture, const uint8_t *bytes, size_t size, GError **error);
-void tc_picture_close(tc_picture *picture); /* a zeroed one is fine */
+void tc_picture_close(tc_picture *picture); /* accepts a zeroed picture */
 
-/* What the next page is. */
+/* Describes the next page. */
 bool tc_picture_page(tc_picture *picture, tc_page *page, GError **error);
-/* Its voxels into to[], and on to the one after it. TC_ERROR_FORMAT where it is of another size or kind than wanted. */
+/* Reads the next page's voxels into to[] and advances. TC_ERROR_FORMAT if the page differs in size or kind from
+ * `wanted`. */
 bool tc_picture_read(tc_picture *picture, const tc_page *wanted, void *to, GError **error);
 
 /* Of both formats. */

@@ -1,5 +1,5 @@
-/* Stacks of pictures: a TIFF of several pages, or a folder or zip of PNG and TIFF, a picture a slice in the order of
- * their names, numbers in them as numbers. */
+/* Stacks of pictures: a TIFF of several pages, or a folder or zip of PNG and TIFF files, one slice per picture in the
+ * natural order of their names (numbers compare as numbers). */
 #ifndef TC_IMPORT_STACK_H
 #define TC_IMPORT_STACK_H
 
@@ -10,10 +10,10 @@
 extern "C" {
 #endif
 
-/* Whether what there is are pictures, and none of it DICOM. */
+/* Whether the sources are pictures and none is DICOM. */
 bool tc_stack_is(const tc_dicom_sources *sources);
 
-/* Reads them as a volume. `choice`: "", or "spacing=X,Y,Z" in mm, "volume=N", or both with a '#' between. */
+/* Reads the pictures as a volume. `choice`: "", or "spacing=X,Y,Z" in mm, "volume=N", or both with a '#' between. */
 bool tc_stack_read(const tc_dicom_sources *sources, const char *choice, const tc_order *order, GError **error);
 
 #ifdef __cplusplus
