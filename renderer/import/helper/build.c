@@ -4,11 +4,11 @@
 #include <string.h>
 #include <sys/random.h>
 
-enum { FIRST_ROOM = 1024, MOST_ITEMS = 1 << 27 }; /* of vertices, of triangles: numbers stay below 2^31 */
+enum { FIRST_ROOM = 1024, MOST_ITEMS = 1 << 27 }; /* largest number of vertices, and of triangles: indices stay below 2^31 */
 
 /* ---- welding ---- */
 
-/* Seeded: nobody can make a file whose keys all meet. */
+/* Hashes with a random seed, so that no file can be made whose keys all collide. */
 static size_t slot_of(const tc_weld *w, const void *key) {
   uint32_t k[3];
   memcpy(k, key, sizeof k);
@@ -90,8 +90,8 @@ bool tc_build_grow(tc_build *b, void *array, size_t *room, size_t n, size_t item
   return true;
 }
 
-/* Single precision keeps a thousandth of a mm up to here. Beyond, the origin is a multiple of a power of two near the
- * first vertex: subtracting it from single-precision coordinates loses nothing. */
+/* Single precision keeps a thousandth of a mm up to 8192 mm. Beyond, the origin is a multiple of a power of two near
+ * the first vertex, so subtracting it from single-precision coordinates is exact. */
 static double anchor_near(double at) { return fabs(at) > 8192 ? 1024 * nearbyint(at / 1024) : 0; }
 
 bool tc_build_place(tc_build *b, const double at[3], float place[3], GError **error) {
@@ -105,7 +105,7 @@ bool tc_build_place(tc_build *b, const double at[3], float place[3], GError **er
     }
     if (!b->n_vertices) b->origin[k] = anchor_near(lps[k]);
   }
-  for (int k = 0; k < 3; k++) place[k] = (float)(lps[k] - b->origin[k]) + 0.0f; /* no -0 */
+  for (int k = 0; k < 3; k++) place[k] = (float)(lps[k] - b->origin[k]) + 0.0f; /* turns -0 into 0 */
   return true;
 }
 
@@ -117,7 +117,7 @@ bool tc_build_vertex(tc_build *b, const double at[3], GError **error) {
   return true;
 }
 
-/* One that is a unit vector as it is stays so to the last bit. */
+/* A vector that already is a unit vector keeps every bit. */
 void tc_build_direction(const tc_build *b, const double along[3], float normal[3]) {
   double length = 0;
   for (int k = 0; k < 3; k++) length += along[k] * along[k];
@@ -161,7 +161,7 @@ bool tc_build_polygon(tc_build *b, const uint32_t *corners, size_t n, GError **e
 
 /* ---- out ---- */
 
-/* To be taken in portions: the daemon may cancel between them. */
+/* Sends data in portions, so that the daemon can cancel in between. */
 static bool put(const tc_build *b, const void *items, size_t bytes, GError **error) {
   enum { PORTION = 16 << 20 };
   for (const char *at = items; bytes > 0;) {

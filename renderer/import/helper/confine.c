@@ -1,6 +1,6 @@
-/* How the helper locks itself in before it looks at the first byte. Each layer stands alone: limits keep it from
- * eating the machine, Landlock from other files, no capability from what root may do, seccomp from everything that is not
- * reading, computing and answering. */
+/* How the helper locks itself in before it reads the first byte. Each layer works without the others: limits keep it
+ * from exhausting the machine, Landlock from other files, dropped capabilities from root's privileges, seccomp from
+ * every system call that is not reading, computing and answering. */
 #include <errno.h>
 #include <fcntl.h>
 #include <linux/capability.h>
@@ -16,7 +16,7 @@
 
 #include "renderer/import/helper/confine.h"
 
-/* A sanitizer maps terabytes of shadow: the limit on address space is for real builds. */
+/* Sanitizers map terabytes of shadow memory, so only real builds limit the address space. */
 #if defined(__SANITIZE_ADDRESS__) || defined(__SANITIZE_THREAD__)
 #define SANITIZED 1
 #elif defined(__has_feature)
@@ -28,7 +28,7 @@
 #define SANITIZED 0
 #endif
 
-/* Tasks of the user in all, the daemon's own among them: where there are more, the helper works without threads. */
+/* Limit on the user's tasks, including the daemon's own. Beyond it the helper works without threads. */
 #define PROCESSES 4096
 
 static void limit(int what, uint64_t value) {
@@ -48,7 +48,8 @@ static void set_limits(uint64_t address_bytes, uint64_t cpu_seconds) {
   if (!SANITIZED) limit(RLIMIT_AS, address_bytes);
 }
 
-/* Where links of a git-annex or DataLad folder lead: .git/annex/objects beside or above it; -1 without one. */
+/* Opens the target of links in a git-annex or DataLad folder: .git/annex/objects in the folder or above it; -1
+ * without one. */
 static int open_annex(int folder) {
   enum { LEVELS = 32 };
   int at = openat(folder, ".", O_PATH | O_DIRECTORY | O_CLOEXEC), objects = -1;
@@ -73,8 +74,8 @@ static bool is_folder(int fd) {
   return fstat(fd, &st) == 0 && S_ISDIR(st.st_mode);
 }
 
-/* Of a folder, reading beneath it stays, what its links to an annex name, and the link roots; a file is open already. Every other access to
- * files goes. False where the kernel has no Landlock. */
+/* Removes all access to files except reading below the input folder, its annex and the link roots; an input file is
+ * open already. False if the kernel has no Landlock. */
 static bool restrict_files(int input_fd, uint32_t link_roots) {
   enum { FIRST_RIGHTS = (1 << 13) - 1, REFER = 1 << 13, TRUNCATE = 1 << 14 };
   long abi = syscall(SYS_landlock_create_ruleset, NULL, 0, LANDLOCK_CREATE_RULESET_VERSION);
@@ -100,22 +101,22 @@ static bool restrict_files(int input_fd, uint32_t link_roots) {
   return ok;
 }
 
-/* What root may do more than others. */
+/* Drops root's privileges. */
 static bool drop_capabilities(void) {
   struct __user_cap_header_struct header = {.version = _LINUX_CAPABILITY_VERSION_3};
   struct __user_cap_data_struct none[_LINUX_CAPABILITY_U32S_3] = {{0}};
   return syscall(SYS_capset, &header, none) == 0;
 }
 
-/* Where memory ends, the helper goes before the daemon. */
+/* Makes the kernel's out-of-memory killer choose the helper before the daemon. */
 static void go_first(void) {
   int fd = open("/proc/self/oom_score_adj", O_WRONLY | O_CLOEXEC);
   if (fd < 0) return;
-  if (write(fd, "1000", 4) < 0) errno = 0; /* a kernel without it: the daemon is as large and as old as it is */
+  if (write(fd, "1000", 4) < 0) errno = 0; /* without this file the kernel chooses by size */
   close(fd);
 }
 
-/* What a decoder calls. openat, mmap, mprotect and clone have conditions below. */
+/* The system calls of decoders. openat, mmap, mprotect and clone are allowed under conditions, below. */
 static const int allowed_calls[] = {
     SCMP_SYS(read),
     SCMP_SYS(pread64),
@@ -157,7 +158,7 @@ static const int allowed_calls[] = {
     SCMP_SYS(fcntl),
 };
 
-#if SANITIZED /* it probes memory by writing it into a pipe, and reads its own name */
+#if SANITIZED /* sanitizers probe memory by writing it into a pipe, and read their own name */
 static const int sanitizer_calls[] = {SCMP_SYS(pipe), SCMP_SYS(pipe2), SCMP_SYS(readlink), SCMP_SYS(readlinkat)};
 #endif
 
@@ -171,22 +172,22 @@ static int allow_calls(scmp_filter_ctx filter) {
   for (size_t i = 0; i < G_N_ELEMENTS(sanitizer_calls); i++)
     bad |= seccomp_rule_add(filter, SCMP_ACT_ALLOW, sanitizer_calls[i], 0);
 #endif
-  /* abort() and its like: a signal to oneself */
+  /* abort(): signals only to this process */
   bad |= seccomp_rule_add(filter, SCMP_ACT_ALLOW, SCMP_SYS(tgkill), 1, SCMP_A0(SCMP_CMP_EQ, (scmp_datum_t)getpid()));
-  /* files for reading only */
+  /* files open read-only */
   bad |= seccomp_rule_add(filter, SCMP_ACT_ALLOW, SCMP_SYS(openat), 1,
                           SCMP_A2(SCMP_CMP_MASKED_EQ, O_ACCMODE | O_CREAT | O_TRUNC | TMPFILE_BIT, O_RDONLY));
-  /* memory that is not code */
+  /* no executable memory */
   bad |= seccomp_rule_add(filter, SCMP_ACT_ALLOW, SCMP_SYS(mmap), 1, SCMP_A2(SCMP_CMP_MASKED_EQ, PROT_EXEC, 0));
   bad |= seccomp_rule_add(filter, SCMP_ACT_ALLOW, SCMP_SYS(mprotect), 1, SCMP_A2(SCMP_CMP_MASKED_EQ, PROT_EXEC, 0));
-  /* threads, never processes; clone3 hides its flags behind a pointer, so the C library must fall back to clone */
+  /* threads, but no processes; clone3 hides its flags behind a pointer, so the C library must fall back to clone */
   bad |= seccomp_rule_add(filter, SCMP_ACT_ALLOW, SCMP_SYS(clone), 1,
                           SCMP_A0(SCMP_CMP_MASKED_EQ, CLONE_THREAD_BIT, CLONE_THREAD_BIT));
   bad |= seccomp_rule_add(filter, SCMP_ACT_ERRNO(ENOSYS), SCMP_SYS(clone3), 0);
   return bad;
 }
 
-/* Everything else answers EPERM: a C library that tries a newer call falls back, an attacker gets nothing. */
+/* All other calls return EPERM, so that a C library that tries a newer call falls back to an older one. */
 static bool restrict_calls(GError **error) {
   scmp_filter_ctx filter = seccomp_init(SCMP_ACT_ERRNO(EPERM));
   int bad = filter ? allow_calls(filter) : -1;

@@ -4,25 +4,25 @@
 #include <math.h>
 #include <string.h>
 
-/* Bytes moved between two looks at the progress callback; small against any volume that takes time. */
+/* Bytes between two calls of the progress callback; small compared with any volume that takes time. */
 #define CHUNK_BYTES (256u << 10)
-/* Planar components are read side by side, a stream each. */
+/* Planar components are read in parallel, one stream each. */
 #define MAX_PLANES 16u
 
 typedef struct loader {
   tc_raster *raster;
   const tc_order *order;
   uint64_t voxels;
-  uint64_t frame; /* the one wanted, from 0 */
+  uint64_t frame; /* frame to read, from 0 */
   tc_source *planes[MAX_PLANES]; /* one, or one per component of planar data */
   unsigned n_planes;
-  uint8_t *chunk; /* file elements of chunk_voxels voxels, all planes */
-  double *sums;   /* [chunk_voxels], when components are combined */
+  uint8_t *chunk; /* elements of chunk_voxels voxels, of all planes */
+  double *sums;   /* [chunk_voxels], if components are combined */
   size_t chunk_voxels;
   bool swap;
   tc_overlaps overlaps; /* of layers of segments */
   GHashTable *labels;   /* layer << 16 | value -> label */
-  uint64_t done, total; /* voxels, over all passes */
+  uint64_t done, total; /* voxels, over both passes */
 } loader;
 
 /* ---- byte order ---- */
@@ -42,8 +42,8 @@ static void swap_bytes(void *data, size_t count, size_t size) {
 
 /* ---- element arithmetic ---- */
 
-/* A double that is finite but beyond float's range becomes the largest float, not infinity: infinity means
- * "not a value" here and would be replaced. */
+/* A finite double beyond float's range becomes the largest float: infinity would mean "no value" here and be
+ * replaced. */
 static float narrow_f64(double value) {
   if (value > FLT_MAX && value < INFINITY) return FLT_MAX;
   if (value < -FLT_MAX && value > -INFINITY) return -FLT_MAX;
@@ -69,7 +69,8 @@ static float narrow_f64(double value) {
     }                                                                                                                  \
   } while (0)
 
-/* Native elements to stored voxels. Integers were found to fit before; to f32 they round to nearest. */
+/* Converts elements in native byte order to stored voxels. Integers are known to fit; conversion to f32 rounds to
+ * nearest. */
 static void narrow(tc_element element, const void *from, tc_voxel_type stored, void *to, size_t n) {
   switch (element) {
   case TC_ELEMENT_I32: NARROW_FROM(int32_t); break;
@@ -87,8 +88,8 @@ static void narrow(tc_element element, const void *from, tc_voxel_type stored, v
 }
 
 typedef struct range {
-  int64_t lo;  /* smallest, or INT64_MAX when all are larger */
-  uint64_t hi; /* largest, or 0 when all are negative */
+  int64_t lo;  /* smallest negative element, or INT64_MAX */
+  uint64_t hi; /* largest element, or 0 if all are negative */
 } range;
 
 #define WIDEN_SIGNED(type)                                                                                             \
@@ -123,12 +124,13 @@ static tc_voxel_type narrowest(const range *r) {
     sums[i] = weight ? sums[i] + *weight * v : hypot_add(sums[i], v);                                                   \
   }
 
-/* Squares of anything but huge doubles sum without overflow. */
+/* A sum of squares overflows only for huge doubles. */
 static double hypot_add(double sum, double v) {
   return fabs(v) > 1e150 || sum > 1e150 ? hypot(sum, v) : sqrt(sum * sum + v * v);
 }
 
-/* sums[i] += *weight * v; weight NULL: root of squares. `from` holds one component each `stride` bytes. */
+/* sums[i] += *weight * v; with weight NULL the root of the sum of squares. `from` holds one component every `stride`
+ * bytes. */
 static void add_component(tc_element element, const uint8_t *from, size_t stride, size_t n, const double *weight,
                           double *sums) {
   switch (element) {
@@ -161,11 +163,11 @@ static bool tick(loader *l, size_t voxels, GError **error) {
 
 static bool planar(const tc_raster *r) { return r->components > 1 && r->inner > 1; }
 
-/* Starts a pass: one stream, or for planar data one per component used, each at its first plane. */
+/* Starts a pass: opens one stream, or for planar data one per component, each at its first plane. */
 static bool rewind_planes(loader *l, GError **error) {
   const tc_raster *r = l->raster;
   const size_t size = tc_element_size(r->element);
-  const uint64_t before = l->frame * l->voxels * r->components * size; /* of frames that measure() has multiplied out */
+  const uint64_t before = l->frame * l->voxels * r->components * size; /* measure() has checked this product */
   l->n_planes = planar(r) && r->combine != TC_COMBINE_FIRST ? r->components : 1;
   if (planar(r) && r->combine == TC_COMBINE_LUMA) l->n_planes = 3;
   for (unsigned p = 0; p < l->n_planes; p++) {
@@ -177,8 +179,8 @@ static bool rewind_planes(loader *l, GError **error) {
   return true;
 }
 
-/* Reads n voxels from voxel `at` on into `to`, plane after plane, in native byte order. Planar runs never cross a
- * change of component: the caller asks for no more than run_length() voxels. */
+/* Reads n voxels from voxel `at` into `to`, plane after plane, in native byte order. The caller asks for at most
+ * run_length() voxels, so planar runs never cross a change of component. */
 static bool read_run(loader *l, uint64_t at, size_t n, uint8_t *to, GError **error) {
   const tc_raster *r = l->raster;
   size_t size = tc_element_size(r->element), per_voxel = planar(r) ? 1 : r->components;
@@ -199,7 +201,7 @@ static size_t run_length(const loader *l, uint64_t at) {
   return (size_t)n;
 }
 
-/* Moves the first component of each voxel together. */
+/* Packs the first component of each voxel. */
 static void keep_first(const tc_raster *r, uint8_t *chunk, size_t n) {
   size_t size = tc_element_size(r->element), stride = size * r->components;
   if (r->components == 1 || planar(r)) return;
@@ -228,7 +230,7 @@ static void store_sums(const loader *l, float *to, size_t n) {
 
 static uint32_t layered_key(uint32_t layer, uint32_t value) { return layer << 16 | value; }
 
-/* Labels are numbered as the file lists its segments. As many combinations as there can be say how wide voxels are. */
+/* Numbers labels in the order of the file's segments. The voxel type has room for every possible combination. */
 static tc_voxel_type number_segments(loader *l) {
   GArray *segments = l->raster->segments;
   uint64_t most = 1;
@@ -280,7 +282,7 @@ static bool merge_layers(loader *l, tc_voxel_type stored, void *to, size_t n, GE
   return false;
 }
 
-/* What the labels are: of one layer they are the file's own values. */
+/* Describes the labels; in a file of one layer they are the file's values. */
 static bool send_segments(const loader *l, GError **error) {
   const GArray *segments = l->raster->segments;
   const bool layers = l->raster->combine == TC_COMBINE_LAYERS;
@@ -295,7 +297,7 @@ static bool send_segments(const loader *l, GError **error) {
   return !layers || tc_overlaps_send(&l->overlaps, NULL, 0, l->order, error);
 }
 
-/* Colours of integers travel as r, g, b, of 16 bits as their nearest of eight. */
+/* Integer colours are sent as r, g, b; 16-bit colours are rounded to eight bits. */
 static bool has_colors(const tc_raster *r) {
   return r->combine == TC_COMBINE_LUMA && r->components > 1 &&
          (r->element == TC_ELEMENT_U8 || r->element == TC_ELEMENT_U16);
@@ -323,7 +325,7 @@ static bool same_storage(tc_element element, tc_voxel_type *stored) {
   }
 }
 
-/* The second pass, or the only one: into the voxels. */
+/* The last pass: converts elements to voxels. */
 static bool fill(loader *l, GError **error) {
   const tc_raster *r = l->raster;
   const tc_order *order = l->order;
@@ -352,7 +354,7 @@ static bool fill(loader *l, GError **error) {
   return tc_source_finish(l->planes[l->n_planes - 1], error) && send_segments(l, error);
 }
 
-/* The first pass over wide integers: how narrow may they be kept? */
+/* The first pass over wide integers: finds their range, for the narrowest storage type. */
 static bool find_range(loader *l, range *found, GError **error) {
   *found = (range){INT64_MAX, 0};
   if (!rewind_planes(l, error)) return false;
@@ -413,7 +415,7 @@ static bool within_limit(const loader *l, size_t voxel_bytes, GError **error) {
   return false;
 }
 
-/* The narrowest that the storage rule can come to: wide integers are read once to learn it. */
+/* Bytes of the narrowest type that the storage rule may choose; for wide integers the first pass decides. */
 static size_t least_voxel_bytes(const tc_raster *r) {
   tc_voxel_type same;
   if (r->components > 1 && r->combine == TC_COMBINE_MAGNITUDE) return sizeof(float);
@@ -424,7 +426,7 @@ static size_t least_voxel_bytes(const tc_raster *r) {
   return r->element == TC_ELEMENT_F64 ? sizeof(float) : 1;
 }
 
-/* Sizes, with every product checked; sets voxels and data.part_bytes. */
+/* Computes sizes with overflow checks; sets voxels and data.part_bytes. */
 static bool measure(loader *l, GError **error) {
   tc_raster *r = l->raster;
   const int *dims = r->desc.dims;
@@ -467,20 +469,20 @@ static bool prepare(loader *l, GError **error) {
     return false;
   }
   size_t planes = planar(r) ? MIN(r->components, MAX_PLANES) : 1, per_voxel = planar(r) ? 1 : r->components;
-  l->chunk_voxels = MAX(CHUNK_BYTES / (size * planes * per_voxel), 1); /* at most four stored bytes for two of these */
+  l->chunk_voxels = MAX(CHUNK_BYTES / (size * planes * per_voxel), 1); /* leaves room for two elements of at most four stored bytes */
   l->chunk = g_malloc(l->chunk_voxels * size * planes * per_voxel);
   if (r->combine != TC_COMBINE_FIRST) l->sums = g_new(double, l->chunk_voxels);
   l->swap = !text && r->big_endian != (G_BYTE_ORDER == G_BIG_ENDIAN);
   return true;
 }
 
-/* Flipped axes leave negative zeros behind; they mean nothing and read badly. */
+/* Replaces the negative zeros of flipped axes. */
 static void drop_negative_zeros(tc_volume_desc *desc) {
   for (int i = 0; i < 3; i++) desc->origin[i] += 0.0;
   for (int i = 0; i < 9; i++) desc->direction[i] += 0.0;
 }
 
-/* Which frame is wanted. Frames that vary fastest are components here: only the first can be had. */
+/* Chooses the frame. Frames that vary fastest are components here, so only the first can be chosen. */
 static bool choose_frame(loader *l, GError **error) {
   const tc_raster *r = l->raster;
   const uint32_t wanted = l->order->volume ? l->order->volume : 1;

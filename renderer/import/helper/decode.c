@@ -4,26 +4,26 @@
 #include <isa-l/igzip_lib.h>
 #include <string.h>
 
-/* Encoded bytes are fetched this many at a time: large enough to hide the system call, small beside any volume. */
+/* Encoded bytes are fetched in chunks large enough to hide the system call's cost. */
 enum { input_chunk = 128 << 10, scratch_size = 64 << 10 };
 
-/* Decodes from the chunk into to [n]; *made tells how many bytes came. */
+/* Decodes from the chunk into to[n]; *made receives the number of bytes. */
 typedef enum stepped { GOES_ON, STREAM_ENDS, DAMAGED } stepped;
 typedef stepped (*step_fn)(tc_decoder *d, uint8_t *to, unsigned n, unsigned *made);
 
 struct tc_decoder {
   const tc_input *input;
-  uint64_t at; /* next encoded byte to fetch */
+  uint64_t at; /* offset of the next encoded byte to fetch */
   tc_encoding encoding;
-  step_fn step;   /* of a compressed stream, else NULL */
+  step_fn step;   /* decoder of a compressed stream; NULL: raw */
   uint8_t *chunk; /* [input_chunk] */
-  uint8_t *next;  /* of the chunk, not decoded yet */
+  uint8_t *next;  /* next byte of the chunk to decode */
   unsigned left;
   struct inflate_state *inflate;
   bz_stream bzip;
   bool bzip_open;
-  bool ended; /* the compressed stream said it is complete */
-  bool cut;   /* the file ended before that */
+  bool ended; /* the compressed stream is complete */
+  bool cut;   /* the file ended before the stream */
   GByteArray *text;
   size_t text_at;
   tc_watch_fn watch; /* NULL: none */
@@ -69,7 +69,7 @@ static stepped bunzip_step(tc_decoder *d, uint8_t *to, unsigned n, unsigned *mad
   return rc == BZ_STREAM_END ? STREAM_ENDS : rc == BZ_OK ? GOES_ON : DAMAGED;
 }
 
-/* gzip and zlib are told apart by their first byte. */
+/* The first byte distinguishes gzip and zlib. */
 static bool start_inflate(tc_decoder *d, GError **error) {
   uint8_t first = 0;
   if (d->at < d->input->size && !tc_input_read(d->input, d->at, &first, 1, error)) return false;
@@ -126,8 +126,8 @@ void tc_decoder_watch(tc_decoder *d, tc_watch_fn watch, void *user) {
 
 static bool goes_on(const tc_decoder *d, GError **error) { return !d->watch || d->watch(d->watch_user, error); }
 
-/* The next encoded bytes behind those that are left; none are there at the end of the file. Empty streams behind each
- * other decode to nothing for as long as there are bytes, so this asks whether to go on. */
+/* Fetches encoded bytes behind those left in the chunk; none at the end of the file. Concatenated empty streams
+ * decode to nothing for any number of bytes, so the watch function is called here. */
 static bool refill(tc_decoder *d, GError **error) {
   if (!goes_on(d, error)) return false;
   memmove(d->chunk, d->next, d->left);
@@ -140,8 +140,8 @@ static bool refill(tc_decoder *d, GError **error) {
   return true;
 }
 
-/* A file may be several streams after each other (bgzip, parallel compressors, cat), but for zlib's. Anything else
- * behind a stream is padding and ends the data. */
+/* A gzip or bzip2 file may hold several streams one after another (bgzip, parallel compressors, cat). Other bytes
+ * behind a stream are padding and end the data. */
 static bool next_stream(tc_decoder *d, GError **error) {
   const char *magic = !d->inflate ? "BZ" : d->inflate->crc_flag == ISAL_GZIP ? "\x1f\x8b" : "";
   d->ended = true;
@@ -169,7 +169,7 @@ static bool unpack_some(tc_decoder *d, uint8_t *to, size_t n, size_t *got, GErro
       return false;
     }
     if (step == STREAM_ENDS && !next_stream(d, error)) return false;
-    if (step == GOES_ON && made == 0 && d->left == before) d->cut = true; /* there is no more to decode */
+    if (step == GOES_ON && made == 0 && d->left == before) d->cut = true; /* no bytes are left to decode */
   }
   *got = done;
   return true;

@@ -3,9 +3,9 @@
 #include <math.h>
 #include <string.h>
 
-enum { PIXELS_ACROSS = 508 }; /* of a grid that the contours make themselves */
+enum { PIXELS_ACROSS = 508 }; /* width of a grid made from the contours, pixels */
 
-#define SAME_PLANE 1e-3 /* of a layer */
+#define SAME_PLANE 1e-3 /* of a layer's thickness */
 
 static const double *corner_of(const tc_dicom_contours *c, const tc_dicom_contour *contour, size_t i) {
   return c->corners + 3 * (contour->first + i % contour->count);
@@ -25,7 +25,7 @@ static bool normalise(double v[3]) {
 
 /* ---- a grid of their own ---- */
 
-/* The unit vector across the plane of a contour, by Newell's sum. */
+/* Unit normal of a contour's plane, by Newell's method. */
 static bool normal_of(const tc_dicom_contours *c, const tc_dicom_contour *contour, double normal[3]) {
   memset(normal, 0, 3 * sizeof *normal);
   for (size_t i = 0; i < contour->count; i++) {
@@ -40,7 +40,7 @@ static bool normal_of(const tc_dicom_contours *c, const tc_dicom_contour *contou
   return normalise(normal);
 }
 
-/* Rows and columns run along the patient's axes as far as the planes let them. */
+/* Aligns rows and columns with the patient's axes as closely as the planes allow. */
 static bool find_axes(const tc_dicom_contours *c, double axes[3][3]) {
   size_t i = 0;
   while (i < c->count && !normal_of(c, &c->list[i], axes[2])) i++;
@@ -62,7 +62,7 @@ static int ascending(const void *a, const void *b) {
   return (x > y) - (x < y);
 }
 
-/* The least distance between different ones of `n` ascending positions; 0: all are one. */
+/* Smallest distance between different positions of `n` ascending ones; 0 if all are the same. */
 static double least_step(const double *at, size_t n, double same) {
   double step = 0;
   for (size_t i = 1; i < n; i++)
@@ -93,7 +93,7 @@ bool tc_dicom_contours_grid(const tc_dicom_contours *c, tc_volume_desc *d, GErro
   d->spacing[2] = step > 0 ? step : 1;
   for (int k = 0; k < 2; k++) {
     d->dims[k] = (int)ceil((hi[k] - lo[k]) / pixel) + 3;
-    lo[k] -= pixel; /* an empty pixel around them */
+    lo[k] -= pixel; /* a margin of one empty pixel */
   }
   const double layers = (planes[c->count - 1] - planes[0]) / d->spacing[2];
   g_free(planes);
@@ -120,7 +120,7 @@ static int by_label_and_layer(const void *a, const void *b) {
 bool tc_dicom_contours_place(tc_dicom_contours *c, const tc_volume_desc *d, GError **error) {
   tc_volume_desc one = *d;
   for (int k = 0; k < 3; k++) one.dims[k] = 1;
-  tc_volume *grid = tc_volume_new(&one, error); /* knows the way from mm to index */
+  tc_volume *grid = tc_volume_new(&one, error); /* used for its conversion from mm to index coordinates */
   if (!grid) return false;
   bool good = true;
   for (size_t i = 0; i < c->count && good; i++) {
@@ -156,8 +156,8 @@ static int by_row(const void *a, const void *b) {
   return (p->x > q->x) - (p->x < q->x);
 }
 
-/* Where a contour's edges pass the centres of rows. An edge has its lower end and not its upper one, so that a corner on a
- * row counts once. */
+/* Finds the places where a contour's edges cross the centres of rows. An edge includes its lower end only, so a
+ * corner on a row counts once. */
 static void add_crossings(const tc_dicom_contours *c, const tc_dicom_contour *contour, int rows, GArray *crossings) {
   for (size_t i = 0; i < contour->count; i++) {
     const double *a = corner_of(c, contour, i), *b = corner_of(c, contour, i + 1);
@@ -179,7 +179,7 @@ static void fill_plane(const tc_dicom_contours *c, size_t first, size_t end, con
   GArray *crossings = g_array_new(FALSE, FALSE, sizeof(crossing));
   for (size_t i = first; i < end; i++) add_crossings(c, &c->list[i], d->dims[1], crossings);
   g_array_sort(crossings, by_row);
-  for (guint i = 0; i + 1 < crossings->len; i += 2) { /* of closed lines, each row has an even number */
+  for (guint i = 0; i + 1 < crossings->len; i += 2) { /* closed contours cross each row an even number of times */
     const crossing *from = &g_array_index(crossings, crossing, i), *to = from + 1;
     uint16_t *row = labels + (size_t)from->row * (size_t)d->dims[0];
     const double last = fmin(ceil(to->x), d->dims[0]);
@@ -189,14 +189,14 @@ static void fill_plane(const tc_dicom_contours *c, size_t first, size_t end, con
   g_array_unref(crossings);
 }
 
-/* The end of the plane that begins with a contour. */
+/* End of the plane that begins with contour `first`. */
 static size_t end_of_plane(const tc_dicom_contours *c, size_t first, size_t end) {
   size_t i = first + 1;
   while (i < end && c->list[i].layer - c->list[first].layer <= SAME_PLANE) i++;
   return i;
 }
 
-/* Of a region's contours [first, end), the first of the plane that `layer` takes; `end`: it takes none. */
+/* First contour of the plane that `layer` takes, among a region's contours [first, end); `end` if there is none. */
 static size_t plane_for(const tc_dicom_contours *c, size_t first, size_t end, int layer) {
   double step = 0;
   for (size_t i = first, next; i < end; i = next) {

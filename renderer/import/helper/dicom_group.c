@@ -1,4 +1,4 @@
-/* Pictures of a series to volumes; the rules are in dicom_group.h. */
+/* Divides the pictures of a series into volumes by the rules of dicom_group.h. */
 #include "renderer/import/helper/dicom_group.h"
 
 #include <math.h>
@@ -8,27 +8,27 @@
 
 #include "renderer/base/vector.h"
 
-/* Cosine below which two pictures do not lie alike: about 0.8 degrees, over rounding in headers, under any real tilt.
- */
+/* Cosine below which two orientations differ: about 0.8 degrees, more than rounding in headers, less than any real
+ * tilt. */
 #define SAME_ORIENTATION 0.9999
 
-#define GAP_STEPS 4 /* times the slice distance: a piece further off is another volume */
+#define GAP_STEPS 4 /* in slice distances: a part farther away is another volume */
 
 enum { CLASSES_MOST = 1024 };
 
 /* One picture on its way. */
 typedef struct entry {
   const tc_dicom_slice *slice;
-  uint32_t class_of, level; /* level: which different position of its class it is at */
+  uint32_t class_of, level; /* level: number of its position among the different positions of its class */
   double along;
 } entry;
 
 typedef struct work {
   const tc_dicom_slice *slices;
-  entry *entries; /* [count]; every step puts a range of them in its order */
+  entry *entries; /* [count]; each step sorts a range of them */
   size_t count;
   GArray *groups;  /* tc_dicom_group */
-  uint32_t *store; /* [2 * count], where groups keep their slices: fractions are of two */
+  uint32_t *store; /* [2 * count], slices of the groups; fractions belong to two groups */
   size_t stored;
 } work;
 
@@ -45,8 +45,8 @@ static bool alike(const tc_dicom_slice *a, const tc_dicom_slice *b) {
                                  dot3(a->orientation + 3, b->orientation + 3) > SAME_ORIENTATION);
 }
 
-/* Classes of like pictures, first come first numbered. A radial series has one for each slice: what comes after
- * CLASSES_MOST of them shares one last class, which no volume is made of. */
+/* Numbers the classes of pictures with equal size and orientation. A radial series has one class per slice: pictures
+ * beyond CLASSES_MOST classes share a last class, of which no volume is made. */
 static void classify(work *w) {
   size_t classes = 0;
   const tc_dicom_slice **first = g_new(const tc_dicom_slice *, CLASSES_MOST);
@@ -82,7 +82,7 @@ static int by_level(const void *pa, const void *pb) {
   return first ? first : by_turn(pa, pb);
 }
 
-/* A map made from echoes has no echo time of its own: it comes after them. */
+/* A map computed from several echoes has no echo time; it is sorted behind them. */
 static double key_place(const entry *e, tc_dicom_key key) {
   double value = e->slice->keys[key];
   return key == TC_DICOM_KEY_ECHO_TIME && value == 0 ? INFINITY : value;
@@ -105,7 +105,7 @@ static int by_uid(const void *pa, const void *pb) {
   return by_turn(pa, pb);
 }
 
-/* A writer that gives all its pictures one UID makes no copies: the rest must agree too. */
+/* Pictures with equal UIDs are copies only if everything else agrees, too: some writers give all pictures one UID. */
 static bool copies(const tc_dicom_slice *a, const tc_dicom_slice *b) {
   return a->uid && a->uid == b->uid && a->frame == b->frame && a->instance == b->instance &&
          memcmp(a->position, b->position, sizeof a->position) == 0 && memcmp(a->keys, b->keys, sizeof a->keys) == 0;
@@ -120,8 +120,8 @@ static size_t drop_copies(work *w) {
   return given - kept;
 }
 
-/* Numbers the different positions of one class, entries [from, from + count) in their order; without positions every
- * picture has its own. */
+/* Numbers the different positions of one class, the sorted entries [from, from + count). Pictures without positions
+ * get one number each. */
 static size_t number_levels(work *w, size_t from, size_t count) {
   entry *e = w->entries + from;
   size_t start = 0;
@@ -139,8 +139,8 @@ static size_t number_levels(work *w, size_t from, size_t count) {
 
 /* ---- volumes ---- */
 
-/* Every `step`-th of the entries makes a volume of `places` positions; fewer positions than pictures: tangled, unless
- * sparse. */
+/* Makes a volume of `places` positions from every `step`-th entry. It is tangled if it has fewer positions than
+ * pictures, unless sparse. */
 static void emit(work *w, const entry *e, size_t count, size_t step, size_t places) {
   tc_dicom_group group = {.slices = w->store + w->stored, .places = places};
   for (size_t i = 0; i < count; i += step) group.slices[group.count++] = (uint32_t)(e[i].slice - w->slices);
@@ -149,7 +149,7 @@ static void emit(work *w, const entry *e, size_t count, size_t step, size_t plac
   g_array_append_val(w->groups, group);
 }
 
-/* The most pictures that share a position, and how many positions there are. Entries are in the order of levels. */
+/* Largest number of pictures at one position; *places receives the number of positions. Entries are sorted by level. */
 static size_t multiplicity(const entry *e, size_t count, size_t *places) {
   size_t most = 0, run = 0;
   *places = 0;
@@ -163,7 +163,7 @@ static size_t multiplicity(const entry *e, size_t count, size_t *places) {
   return most;
 }
 
-/* Where the run that begins at `from` ends: positions go on in one direction. */
+/* End of the run from `from` whose positions advance in one direction. */
 static size_t run_end(const entry *e, size_t count, size_t from, int direction) {
   size_t i = from + 1;
   for (; i < count; i++)
@@ -171,8 +171,8 @@ static size_t run_end(const entry *e, size_t count, size_t from, int direction) 
   return i;
 }
 
-/* Time points one after the other, some of them with slices missing: each new one begins where positions turn back.
- * Entries are in their turn. */
+/* Separates time points acquired one after another, some with missing slices: a new one begins where positions turn
+ * back. Entries are sorted by turn. */
 static bool emit_runs(work *w, entry *e, size_t count, size_t wanted) {
   for (int direction = 1; direction >= -1; direction -= 2) {
     size_t runs = 0;
@@ -187,7 +187,7 @@ static bool emit_runs(work *w, entry *e, size_t count, size_t wanted) {
   return false;
 }
 
-/* Nothing but the turn is left to tell pictures apart. */
+/* Separates pictures that differ only in their turn. */
 static void split_turns(work *w, entry *e, size_t count) {
   size_t places;
   qsort(e, count, sizeof *e, by_level);
@@ -200,7 +200,7 @@ static void split_turns(work *w, entry *e, size_t count) {
   if (!emit_runs(w, e, count, each)) emit(w, e, count, 1, places);
 }
 
-/* The levels that entries reach over, and where those are. */
+/* Range of levels of some entries, and their positions. */
 typedef struct reach {
   uint32_t low, high;
   double from, to;
@@ -217,13 +217,13 @@ static reach reach_of(const entry *e, size_t count) {
 
 static double mean_step(const reach *r) { return r->high > r->low ? (r->to - r->from) / (r->high - r->low) : 0; }
 
-/* Whether `b` goes on where `a` ends: beyond it, with no gap that slices would have filled. */
+/* Whether `b` continues `a`: beyond its end, without a gap that slices would have filled. */
 static bool goes_on(const reach *a, const reach *b) {
   const double step = fmax(mean_step(a), mean_step(b));
   return b->low > a->high && (step == 0 || b->from - a->to < GAP_STEPS * step);
 }
 
-/* The end of the entries that share a key with the one at `from`. */
+/* End of the entries with the key of entry `from`. */
 static size_t part_end(const entry *e, size_t count, size_t from, tc_dicom_key key) {
   size_t i = from + 1;
   while (i < count && e[i].slice->keys[key] == e[from].slice->keys[key]) i++;
@@ -235,7 +235,7 @@ static int by_low(const void *pa, const void *pb) {
   return order(a->low, b->low);
 }
 
-/* Whether the parts of one key lie one beyond the other, in whatever order. */
+/* Whether the parts of one key lie one beyond another, in any order. */
 static bool parts_apart(const entry *e, size_t count, tc_dicom_key key) {
   GArray *parts = g_array_new(FALSE, FALSE, sizeof(reach));
   for (size_t i = 0, end; i < count; i = end) {
@@ -251,7 +251,7 @@ static bool parts_apart(const entry *e, size_t count, tc_dicom_key key) {
   return apart;
 }
 
-/* The end of the parts that make one volume from `from` on: each lies beyond all before it, in one direction. */
+/* End of the parts from `from` that make one volume: each lies beyond those before it, in one direction. */
 static size_t volume_end(const entry *e, size_t count, size_t from, tc_dicom_key key) {
   size_t end = part_end(e, count, from, key);
   reach all = reach_of(e + from, end - from);
@@ -267,7 +267,7 @@ static size_t volume_end(const entry *e, size_t count, size_t from, tc_dicom_key
   return end;
 }
 
-/* Parts entries by one key after the other, then by turn. */
+/* Separates entries by one key after another, then by turn. */
 static void split(work *w, entry *e, size_t count, tc_dicom_key key) {
   if (key == TC_DICOM_KEY_COUNT) {
     split_turns(w, e, count);
@@ -296,7 +296,7 @@ static const struct {
                                    [TC_DICOM_KEY_PHASE] = {"phase", " %"},
                                    [TC_DICOM_KEY_ACQUISITION] = {"acquisition", ""}};
 
-/* Says by which keys the groups differ, in the numbers of each one's first picture. */
+/* Describes each group by the keys that differ, with the values of its first picture. */
 static void name_groups(const tc_dicom_slice *slices, tc_dicom_groups *groups) {
   for (int key = 0; key < TC_DICOM_KEY_COUNT; key++) {
     bool differ = false;
@@ -311,7 +311,7 @@ static void name_groups(const tc_dicom_slice *slices, tc_dicom_groups *groups) {
   }
 }
 
-/* Labels of all segments first, then each one's fractions. */
+/* Emits the labels of all segments first, then the fractions of each segment. */
 static void emit_fractions(work *w, entry *e, size_t count, size_t places) {
   emit(w, e, count, 1, places);
   g_strlcpy(g_array_index(w->groups, tc_dicom_group, w->groups->len - 1).what, "labels", 7);
@@ -328,7 +328,7 @@ static void emit_fractions(work *w, entry *e, size_t count, size_t places) {
   }
 }
 
-/* One class, entries [from, from + count) by place: its positions are counted, its volumes emitted. */
+/* Counts the positions of one class, the sorted entries [from, from + count), and emits its volumes. */
 static size_t split_class(work *w, size_t from, size_t count) {
   entry *e = w->entries + from;
   const size_t places = number_levels(w, from, count);

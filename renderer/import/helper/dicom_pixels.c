@@ -1,4 +1,4 @@
-/* Decoded DICOM samples to voxels. */
+/* Converts decoded DICOM samples to voxels. */
 #include "renderer/import/helper/dicom_pixels.h"
 
 #include <math.h>
@@ -37,7 +37,7 @@ static uint64_t load(const uint8_t *at, int bytes) {
   return value;
 }
 
-/* One segment of run lengths: one byte of each pixel [count], `stride` bytes apart in `out`. */
+/* Decodes one segment of run lengths: one byte of each pixel [count], written every `stride` bytes of `out`. */
 static bool unpack_segment(const uint8_t *at, const uint8_t *end, uint8_t *out, size_t count, size_t stride) {
   while (count > 0) {
     if (end - at < 2) return false;
@@ -61,7 +61,7 @@ bool tc_dicom_run_lengths_fit(const tc_dicom_samples *s, const uint8_t *bytes, s
 bool tc_dicom_unpack(const tc_dicom_samples *s, const uint8_t *bytes, size_t size, uint8_t *out) {
   const size_t width = (size_t)s->allocated / 8, pixel = width * (size_t)s->per_pixel;
   if (s->allocated % 8 != 0 || pixel > 15 || !tc_dicom_run_lengths_fit(s, bytes, size)) return false;
-  for (size_t i = 0; i < pixel; i++) { /* sample by sample, the highest byte first */
+  for (size_t i = 0; i < pixel; i++) { /* sample by sample, most significant byte first */
     const size_t from = load(bytes + 4 + 4 * i, 4), to = i / width * width + width - 1 - i % width;
     if (from < 64 || from > size) return false;
     if (!unpack_segment(bytes + from, bytes + size, out + to, (size_t)s->rows * (size_t)s->columns, pixel))
@@ -70,7 +70,7 @@ bool tc_dicom_unpack(const tc_dicom_samples *s, const uint8_t *bytes, size_t siz
   return true;
 }
 
-/* Cuts the used bits out of a sample and extends the sign. */
+/* Extracts the used bits of a sample and extends the sign. */
 static int64_t integer_sample(const tc_dicom_samples *s, const uint8_t *at) {
   uint64_t value = load(at, s->allocated / 8) >> (s->high + 1 - s->stored);
   if (s->stored == 64) return (int64_t)value;
@@ -100,7 +100,7 @@ static double clamp(double value, double lo, double hi) { return value < lo ? lo
 
 static double luma(double r, double g, double b) { return 0.2126 * r + 0.7152 * g + 0.0722 * b; }
 
-/* Y Cb Cr up to `most` become the RGB that they stand for (PS3.3, C.7.6.3.1.2). */
+/* Converts Y Cb Cr with range 0..most to RGB (PS3.3, C.7.6.3.1.2). */
 static void rgb_of_ybr(double c[3], double most) {
   const double half = floor(most / 2) + 1, y = c[0], cb = c[1] - half, cr = c[2] - half;
   c[0] = clamp(y + 1.402 * cr, 0, most);
@@ -108,7 +108,7 @@ static void rgb_of_ybr(double c[3], double most) {
   c[2] = clamp(y + 1.772 * cb, 0, most);
 }
 
-/* Red, green and blue of pixel i of a whole frame, up to what its bits hold; of a grey one that, three times. */
+/* Red, green and blue of pixel i of a frame, in the range of its bits; grey in all three for a grey frame. */
 static void color(const tc_dicom_frame *f, size_t pixels, size_t i, double c[3]) {
   const tc_dicom_samples *s = &f->samples;
   const uint8_t *bytes = f->bytes;
@@ -124,7 +124,7 @@ static void color(const tc_dicom_frame *f, size_t pixels, size_t i, double c[3])
   if (s->colour == TC_DICOM_YBR) rgb_of_ybr(c, (double)(UINT64_C(1) << s->stored) - 1);
 }
 
-/* The grey value of pixel i of a whole frame. */
+/* Grey value of pixel i of a frame. */
 static double pixel(const tc_dicom_frame *f, size_t pixels, size_t i) {
   const tc_dicom_samples *s = &f->samples;
   double c[3];
@@ -161,12 +161,12 @@ static void store(tc_voxel_type type, void *voxels, size_t i, double value) {
   }
 }
 
-/* The usual picture, 8 or 16 bits into its natural type: no detour over doubles. True when it was one. */
+/* Fast path for the usual 8- or 16-bit frame into its natural type. Returns false for other frames. */
 static bool convert_plain(const tc_dicom_frame *f, size_t pixels, const tc_dicom_target *target, void *voxels) {
   const tc_dicom_samples *s = &f->samples;
   if (s->is_float || s->colour != TC_DICOM_GREY || target->type != tc_dicom_natural_type(s)) return false;
   if (s->allocated != 8 && s->allocated != 16) return false;
-  if (s->stored == s->allocated) { /* nothing to cut */
+  if (s->stored == s->allocated) { /* all bits are used */
     memcpy(voxels, f->bytes, pixels * (size_t)s->allocated / 8);
     return true;
   }
@@ -181,7 +181,7 @@ static bool convert_plain(const tc_dicom_frame *f, size_t pixels, const tc_dicom
   return true;
 }
 
-/* Bytes that the frame takes from its first bit on. */
+/* Bytes of the frame, counted from its first bit. */
 static uint64_t bytes_of(const tc_dicom_frame *f, size_t pixels) {
   return f->samples.allocated == 1 ? ((uint64_t)f->first_bit + pixels + 7) / 8 : tc_dicom_frame_bytes(&f->samples);
 }
@@ -210,7 +210,7 @@ bool tc_dicom_look_up(const tc_dicom_frame *f, const uint16_t *table, size_t cou
   return true;
 }
 
-/* Bits that are set, 64 at a time: most of a segmentation is empty. */
+/* Stamps the set bits, 64 at a time, since most of a segmentation is empty. */
 static void stamp_bits(const uint8_t *bytes, size_t pixels, unsigned first_bit, uint32_t segment, tc_overlaps *overlaps,
                        uint16_t *labels) {
   const size_t end = first_bit + pixels, size = (end + 7) / 8;

@@ -1,6 +1,5 @@
-/* Where the helper's bytes come from. Files are opened relative to the one folder it was given; links to files are
- * followed as far as Landlock lets them lead (see confine.c); zip members are reached by number; nothing is
- * ever written. */
+/* The helper's files. They are opened relative to the input folder; links to files are followed as far as Landlock
+ * allows (see confine.c); zip members are reached by number; nothing is written. */
 #include <dirent.h>
 #include <errno.h>
 #include <fcntl.h>
@@ -21,8 +20,8 @@ static bool fail(GError **error, tc_error_code code, const char *what) {
 
 static int by_name(const void *a, const void *b) { return strcmp(*(char *const *)a, *(char *const *)b); }
 
-/* Collects the files of a folder, and links to files; links to folders could lead in circles. Takes over fd. False only
- * when there are too many. */
+/* Collects the files of a folder and links to files, but not links to folders, which could lead in circles. Takes
+ * ownership of fd. False only if there are too many. */
 static bool walk(int fd, const char *prefix, int depth, GPtrArray *names) {
   DIR *dir = fdopendir(fd);
   if (!dir) {
@@ -61,7 +60,7 @@ static bool open_folder(tc_dicom_sources *s, GError **error) {
   return true;
 }
 
-/* One file packed as a whole, such as .dcm.gz, is unpacked into memory, which the process limit and the daemon bound. */
+/* Unpacks a single compressed file, such as .dcm.gz, into memory; the process limit and the daemon bound its size. */
 static bool unpack(tc_dicom_sources *s, GError **error) {
   tc_input input;
   tc_input_memory(&input, s->map, s->map_size, "");

@@ -1,4 +1,4 @@
-/* Loose pictures to one regular stack; the rules are in dicom_stack.h. */
+/* Arranges pictures as a regular stack by the rules of dicom_stack.h. */
 #include "renderer/import/helper/dicom_stack.h"
 
 #include <math.h>
@@ -9,16 +9,16 @@
 
 #include "renderer/base/vector.h"
 
-#define OFF_GRID 0.10       /* of the step: how far a slice may be from its place on a regular grid */
-#define OFF_GRID_MM 0.02    /* positions are written with two or three decimals */
-#define MISSING_STEP 1.5    /* times the steps around it */
-#define GAP_STEP 3          /* times the steps around it: nothing is made up for more */
-#define GAP_STEP_USUAL 10   /* or times the usual one */
-#define LAYERS_A_SLICE 8    /* how much finer than its slices a grid may be */
+#define OFF_GRID 0.10       /* in steps: largest distance of a slice from its place on a regular grid */
+#define OFF_GRID_MM 0.02    /* headers round positions to two or three decimals */
+#define MISSING_STEP 1.5    /* in neighbouring steps: a slice is missing */
+#define GAP_STEP 3          /* in neighbouring steps: a wider gap is not interpolated */
+#define GAP_STEP_USUAL 10   /* in usual steps: likewise */
+#define LAYERS_A_SLICE 8    /* largest number of grid layers per slice */
 #define LEAST_LEAN 0.1      /* cosine between the slice normal and the stacking direction */
-#define TILT_COSINE 0.99996 /* half a degree: less is rounding */
+#define TILT_COSINE 0.99996 /* half a degree; smaller tilts are rounding */
 
-/* One picture on its way: index, distance along the normal, and what orders it among its like. */
+/* A picture during sorting: its index, its distance along the normal, and its turn. */
 typedef struct entry {
   double along;
   uint32_t slice;
@@ -30,7 +30,7 @@ typedef struct work {
   const tc_dicom_slice *slices;
   entry *entries; /* [count] */
   size_t count;
-  uint32_t *level; /* [count]: which distinct position an entry is at */
+  uint32_t *level; /* [count]: number of the entry's position */
   size_t levels;
   double normal[3];
 } work;
@@ -97,7 +97,7 @@ static void measure(work *w) {
     w->entries[i].along = first->has_position ? dot3(slice_of(w, i)->position, w->normal) : 0;
 }
 
-/* Numbers the different positions; within one, entries are put in their turn. */
+/* Numbers the different positions; entries at one position are sorted by turn. */
 static void find_levels(work *w) {
   qsort(w->entries, w->count, sizeof *w->entries, by_place);
   double same = tc_dicom_same_place(w->entries[w->count - 1].along - w->entries[0].along, w->count);
@@ -122,8 +122,8 @@ static int compare_doubles(const void *pa, const void *pb) {
   return (a > b) - (a < b);
 }
 
-/* How far positions are from where a grid of `layers` between the first and last would have them, in steps; places[]
- * says at which layer each is, NULL: one after the other. */
+/* Largest distance, in steps, of positions from a regular grid of `layers` from the first to the last. places[] gives
+ * the layer of each position; NULL: consecutive layers. */
 static double off_grid(const double *at, size_t levels, size_t layers, const uint32_t *places) {
   double step = (at[levels - 1] - at[0]) / (double)(layers - 1), worst = 0;
   for (size_t i = 0; i < levels; i++)
@@ -131,7 +131,7 @@ static double off_grid(const double *at, size_t levels, size_t layers, const uin
   return worst <= OFF_GRID_MM ? 0 : worst / step;
 }
 
-/* A step within equal ones that is a whole multiple of them: slices are missing there. Gives how many, 0 for none. */
+/* Number of slices missing in step i: the step is a whole multiple of the equal steps around it. 0: none. */
 static size_t missing_in(const double *at, size_t levels, size_t i) {
   double step = at[i + 1] - at[i], before = i > 0 ? at[i] - at[i - 1] : 0,
          after = i + 2 < levels ? at[i + 2] - at[i + 1] : 0;
