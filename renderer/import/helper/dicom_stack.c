@@ -142,8 +142,8 @@ static size_t missing_in(const double *at, size_t levels, size_t i) {
   return fabs(step / beside - whole) < 2 * OFF_GRID && whole < 1e6 ? (size_t)whole - 1 : 0;
 }
 
-/* Missing slices, where the rest lies on a regular grid: none at all leaves *layers = levels; one is bridged; several
- * are an error. `places` [levels] gets the layer of each. */
+/* Finds missing slices of an otherwise regular grid: without any, *layers = levels; one is bridged; several are an
+ * error. `places` [levels] receives the layer of each position. */
 static bool find_missing(const double *at, size_t levels, uint32_t *places, size_t *layers, GError **error) {
   size_t missing = 0, gaps = 0, first = 0;
   for (size_t i = 0; i < levels; i++) {
@@ -162,7 +162,7 @@ static bool find_missing(const double *at, size_t levels, uint32_t *places, size
               missing, gaps, gaps == 1 ? "" : "s", first, levels, at[first] - at[first - 1]);
 }
 
-/* Layers of a regular grid from the slices around them. `layers` from the first to the last. */
+/* Interpolates the layers of a regular grid from the nearest slices; `layers` from the first position to the last. */
 static void mix_layers(const double *at, size_t levels, size_t layers, tc_dicom_stack *s) {
   double step = (at[levels - 1] - at[0]) / (double)(layers - 1);
   s->mix = g_new(tc_dicom_mix, layers);
@@ -181,14 +181,13 @@ static void bridge(const double *at, size_t levels, const uint32_t *places, tc_d
   size_t i = 1;
   while (places[i] == i) i++;
   mix_layers(at, levels, levels + 1, s);
-  for (size_t k = 0; k < levels; k++) /* what is there stays as it is */
+  for (size_t k = 0; k < levels; k++) /* layers at a slice stay that slice */
     s->mix[places[k]] = k + 1 < levels ? (tc_dicom_mix){(uint32_t)k, 0} : (tc_dicom_mix){(uint32_t)k - 1, 1};
   s->bridged = (int)i + 1;
   tc_dicom_note(s->note, "1 missing slice bridged from its neighbours (layer %zu of %zu)", i + 1, levels + 1);
 }
 
-/* The first step too wide to make anything up for: much wider than those beside it, or than the usual one; n if none.
- */
+/* First step too wide for interpolation: much wider than its neighbours or than the usual step; n if there is none. */
 static size_t first_gap(const double *steps, size_t n, double usual) {
   for (size_t i = 0; i < n; i++) {
     double before = i > 0 ? steps[i - 1] : steps[i + 1], after = i + 1 < n ? steps[i + 1] : before;
@@ -197,7 +196,7 @@ static size_t first_gap(const double *steps, size_t n, double usual) {
   return n;
 }
 
-/* Slices at varying distances become layers at equal ones. Three at least: two are never irregular. */
+/* Resamples slices at varying distances to layers at equal distances. Needs at least three: two are never irregular. */
 static bool resample(const double *at, size_t levels, tc_dicom_stack *s, GError **error) {
   size_t n = levels - 1;
   double *steps = g_new(double, n), *sorted = g_new(double, n), range = at[levels - 1] - at[0];
@@ -217,7 +216,7 @@ static bool resample(const double *at, size_t levels, tc_dicom_stack *s, GError 
   return true;
 }
 
-/* The layers between the first and the last position, by the rules above. at [levels] ascends. */
+/* Makes the layers between the first and the last position, by the rules above. at [levels] ascends. */
 static bool make_layers(const double *at, size_t levels, tc_dicom_stack *s, GError **error) {
   uint32_t *places = g_new(uint32_t, levels);
   size_t layers;
@@ -257,8 +256,8 @@ static bool check_line(const work *w, const double *at, const tc_dicom_stack *s,
   return true;
 }
 
-/* Places column 2 and the origin from the first and last picture; distances `at` along the normal become distances
- * along column 2. */
+/* Sets column 2 and the origin from the first and last picture, and converts distances `at` along the normal to
+ * distances along column 2. */
 static bool place_axis(const work *w, double *at, tc_dicom_stack *s, GError **error) {
   const tc_dicom_slice *first = slice_of(w, 0), *last = slice_of(w, w->count - 1);
   double across[3], length;
@@ -277,7 +276,7 @@ static bool place_axis(const work *w, double *at, tc_dicom_stack *s, GError **er
   return true;
 }
 
-/* The header's own distance between slices, for stacks that positions cannot measure. */
+/* The header's distance between slices, for stacks whose positions do not give one. */
 static double spare_step(const tc_dicom_slice *slice, char note[256]) {
   if (slice->between > 0) return slice->between;
   if (slice->thickness > 0) return slice->thickness;
@@ -300,7 +299,7 @@ static void set_plane(const tc_dicom_slice *first, tc_dicom_stack *s) {
   if (!first->has_position) tc_dicom_note(s->note, "slice positions unknown");
 }
 
-/* No positions: every picture is a layer, in its turn. */
+/* Stacks pictures without positions: one layer per picture, sorted by turn. */
 static bool stack_by_turn(work *w, tc_dicom_stack *s) {
   qsort(w->entries, w->count, sizeof *w->entries, by_turn);
   for (size_t i = 0; i < w->count; i++) s->items[i] = (tc_dicom_layer_item){w->entries[i].slice, (uint32_t)i};
@@ -311,8 +310,7 @@ static bool stack_by_turn(work *w, tc_dicom_stack *s) {
   return true;
 }
 
-/* The distance of a segmentation's layers: the header's where all steps are whole multiples of it, else the least
- * step. */
+/* Layer distance of a segmentation: the header's if all steps are whole multiples of it, else the least step. */
 static bool segment_step(const double *at, size_t levels, double header, double *step, GError **error) {
   double least = at[1] - at[0];
   for (size_t i = 1; i + 1 < levels; i++) least = fmin(least, at[i + 1] - at[i]);

@@ -8,11 +8,11 @@
 
 /* Days since 1970-01-01 of a date of the Gregorian calendar. */
 static long days(int year, int month, int day) {
-  const int shifted = month > 2 ? year : year - 1, turn = (month + 9) % 12; /* years begin in March */
+  const int shifted = month > 2 ? year : year - 1, turn = (month + 9) % 12; /* years start in March here */
   return 365l * shifted + shifted / 4 - shifted / 100 + shifted / 400 + (153 * turn + 2) / 5 + day - 719469;
 }
 
-/* "YYYYMMDD" and "HHMM[SS[.F]]" as seconds; false where either is none. */
+/* Converts "YYYYMMDD" and "HHMM[SS[.F]]" to seconds; false if either is malformed. */
 static bool seconds(const char *date, const char *time, double *out) {
   int year, month, day, hour, minute, used = 0;
   double second = 0;
@@ -26,7 +26,7 @@ static bool seconds(const char *date, const char *time, double *out) {
 
 static bool both(const char *text, double *out) { return strlen(text) >= 12 && seconds(text, text + 8, out); }
 
-/* When the scan began: the series' time, unless that is of a later processing. */
+/* Start of the scan: the series' time, unless a later processing changed it. */
 static bool scan_start(const tc_dicom_suv *s, double *scan) {
   double acquired;
   if (both(s->scan, scan)) return true;
@@ -34,7 +34,7 @@ static bool scan_start(const tc_dicom_suv *s, double *scan) {
   return !seconds(s->acquisition_date, s->acquisition_time, &acquired) || *scan <= acquired;
 }
 
-/* Seconds from the injection to the start of the scan. A time without a date is the last before the scan. */
+/* Seconds from the injection to the start of the scan. A time without a date is the last such time before the scan. */
 static bool decay_time(const tc_dicom_suv *s, double *decay) {
   double scan, start;
   if (!scan_start(s, &scan)) return false;
@@ -55,7 +55,7 @@ static double refuse(const char **missing, const char *what) {
 double tc_dicom_suv_factor(const tc_dicom_suv *s, const char **missing) {
   double decay = 0;
   *missing = "";
-  if (strcmp(s->units, "GML") == 0) return 1; /* is SUV already */
+  if (strcmp(s->units, "GML") == 0) return 1; /* values are SUV already */
   if (strcmp(s->units, "CNTS") == 0 && s->philips > 0) return s->philips;
   if (strcmp(s->units, "BQML") != 0) return refuse(missing, "units are not Bq/ml");
   if (!strstr(s->corrected, "ATTN") || !strstr(s->corrected, "DECY"))

@@ -1,18 +1,18 @@
-/* Members of a zip through libzip, which reads them from memory. */
+/* Reads members of a zip in memory through libzip. */
 #include "renderer/import/helper/dicom_zip.h"
 
 #include <string.h>
 #include <zip.h>
 #include <zlib.h>
 
-enum { DEFLATE_RATIO = 1032 }; /* the most deflate can expand */
+enum { DEFLATE_RATIO = 1032 }; /* deflate's largest expansion */
 
 static bool fail(GError **error, const char *what) {
   tc_set_error(error, TC_ERROR_FORMAT, NULL, "zip: %s", what);
   return false;
 }
 
-/* The size is checked against the packed one, so that a small file cannot ask for much memory. */
+/* Checks the uncompressed size against the compressed size, so that a small file cannot ask for much memory. */
 static tc_dicom_zip_member describe(zip_t *archive, size_t index, size_t file_size) {
   const zip_uint64_t wanted =
       ZIP_STAT_NAME | ZIP_STAT_SIZE | ZIP_STAT_COMP_SIZE | ZIP_STAT_COMP_METHOD | ZIP_STAT_ENCRYPTION_METHOD;
@@ -29,7 +29,7 @@ static tc_dicom_zip_member describe(zip_t *archive, size_t index, size_t file_si
 
 bool tc_dicom_zip_open(tc_dicom_zip *zip, const void *bytes, size_t size, GError **error) {
   zip_source_t *source =
-      size ? zip_source_buffer_create(bytes, size, 0, NULL) : NULL; /* no bytes: libzip takes them for no members */
+      size ? zip_source_buffer_create(bytes, size, 0, NULL) : NULL; /* libzip accepts an empty buffer as a zip without members */
   *zip = (tc_dicom_zip){.archive = source ? zip_open_from_source(source, ZIP_RDONLY, NULL) : NULL};
   if (!zip->archive) {
     zip_source_free(source);
@@ -53,7 +53,7 @@ void tc_dicom_zip_finish(tc_dicom_zip *zip) {
   *zip = (tc_dicom_zip){0};
 }
 
-/* libzip compares the checksum as it finds the end, which is one byte behind the last. */
+/* libzip compares the checksum when it reaches the end, so this reads one byte beyond the last. */
 static bool read_member(zip_file_t *file, uint8_t *out, size_t want, bool all, GError **error) {
   uint8_t behind;
   const zip_int64_t got = zip_fread(file, out, want);

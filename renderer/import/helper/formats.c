@@ -1,9 +1,9 @@
-/* Every format but DICOM and MINC: which file is what, by content first and by name second. */
+/* Chooses among all formats but DICOM and MINC, by content first and by name second. */
 #include <string.h>
 
 #include "renderer/import/helper/format.h"
 
-/* Those of volumes, then those of meshes. OBJ is any text that begins as one: it is asked last. */
+/* Volume formats, then mesh formats. Any text that begins like OBJ is OBJ, so OBJ is tried last. */
 static const tc_format *const formats[] = {&tc_format_nifti, &tc_format_nrrd, &tc_format_metaimage, &tc_format_mgh,
                                            &tc_format_parrec, &tc_format_vmd, &tc_format_ply, &tc_format_stl, &tc_format_obj};
 enum { FIRST_MESH = 6 };
@@ -36,7 +36,7 @@ static const tc_format *const *recognise(const tc_input *input, const uint8_t *h
   return NULL;
 }
 
-/* A volume where a mesh is wanted, or a mesh where a volume is. */
+/* Error for a volume where a mesh is expected, or the reverse. */
 static bool refuse_kind(const tc_format *format, bool wants_mesh, GError **error) {
   tc_set_error(error, TC_ERROR_FORMAT, NULL,
                wants_mesh ? "the file is %s, a volume: open it as a volume" : "the file is %s, a mesh: open it as a mesh",
@@ -44,7 +44,7 @@ static bool refuse_kind(const tc_format *format, bool wants_mesh, GError **error
   return false;
 }
 
-/* The voxels of a pair were named, the .img of NIfTI or the .rec of PAR/REC: the header tells what they are. */
+/* The input is the data file of a pair, the .img of NIfTI or the .rec of PAR/REC: reads its header instead. */
 static bool use_header_beside(tc_input *input, GError **error) {
   uint8_t head[TC_PROBE_BYTES];
   size_t size;
@@ -71,7 +71,7 @@ static bool use_header_beside(tc_input *input, GError **error) {
   return true;
 }
 
-/* What is not read, by its first bytes, and the way round it. */
+/* Error for an unsupported file, recognised by its first bytes, with a way to convert it. */
 static bool refuse(const uint8_t *head, size_t size, bool mesh, GError **error) {
 #define AT(at, magic) at, sizeof magic - 1, magic
   static const struct {

@@ -9,11 +9,11 @@ enum { MOST_CHUNK_BYTES = 256 << 20 };
 typedef struct input_file {
   H5FD_t base;
   const tc_input *input;
-  haddr_t end; /* of what the library believes to be in use */
+  haddr_t end; /* end of the bytes that the library considers in use */
 } input_file;
 
-/* A file that another one names is looked for by this driver, too, and finds the same input: nothing else can be had.
- */
+/* This driver also serves files that the file links to and opens the same input for them, so no other file can be
+ * reached. */
 static H5FD_t *open_input(const char *name, unsigned flags, hid_t fapl, haddr_t most) {
   const tc_input *const *given = H5Pget_driver_info(fapl);
   if (!given || flags & (H5F_ACC_RDWR | H5F_ACC_CREAT | H5F_ACC_TRUNC)) return NULL;
@@ -73,7 +73,7 @@ hid_t tc_hdf5_open(const tc_input *input, GError **error) {
   static hid_t registered = -1;
   if (registered < 0 && H5open() >= 0) {
     H5Eset_auto2(H5E_DEFAULT, NULL, NULL);
-    H5PLset_loading_state(0); /* no filters from elsewhere */
+    H5PLset_loading_state(0); /* disables filter plug-ins */
     registered = H5FDregister(&driver);
   }
   TC_HDF5_ID access = H5Pcreate(H5P_FILE_ACCESS);

@@ -1,4 +1,4 @@
-/* Inputs: files and memory by offset, and files beside them. */
+/* Inputs: random access to files and memory, and files next to them. */
 #include "renderer/import/helper/decode.h"
 #include "renderer/import/reader.h"
 
@@ -9,7 +9,7 @@
 
 #include "renderer/import/wire.h"
 
-/* How much of a file is looked at for its first decoded bytes. */
+/* Bytes of a file that are searched for its first decoded bytes. */
 #define HEAD_REACH (1u << 20)
 
 #define HEADER_LIMIT (4u << 20)
@@ -23,7 +23,7 @@ static tc_encoding packing_of(const tc_input *input) {
   return memcmp(magic, "BZh", 3) == 0 && blocks ? TC_ENCODING_BZIP2 : TC_ENCODING_RAW;
 }
 
-/* A FIFO or a device would hang or never end, so only regular files pass. */
+/* Accepts regular files only: a FIFO or a device could block or never end. */
 bool tc_input_adopt(tc_input *input, int fd, const char *name, GError **error) {
   struct stat st;
   *input = (tc_input){.fd = fd, .name = g_strdup(name)};
@@ -43,7 +43,7 @@ void tc_input_memory(tc_input *input, const void *bytes, size_t size, const char
 }
 
 void tc_input_close(tc_input *input) {
-  if (input->fd > 0) close(input->fd); /* a zeroed input has fd 0, which is never ours */
+  if (input->fd > 0) close(input->fd); /* a zeroed input has fd 0, which an input never owns */
   g_free(input->name);
   g_free(input->owned);
   *input = (tc_input){.fd = -1};
@@ -97,7 +97,7 @@ bool tc_input_read(const tc_input *input, uint64_t offset, void *to, size_t n, G
 
 bool tc_input_head(const tc_input *input, void *to, size_t n, size_t *got, GError **error) {
   *got = 0;
-  /* Members that hold nothing may follow each other for as long as the file is. */
+  /* concatenated empty gzip members could fill a whole file */
   tc_input start = *input;
   if (input->packing != TC_ENCODING_RAW) start.size = MIN(start.size, (uint64_t)HEAD_REACH);
   tc_decoder *decoder = tc_decoder_new(&start, 0, input->packing, TC_ELEMENT_U8, 0, error);

@@ -1,5 +1,6 @@
-/* The helper program, twice: tomocast-import reads every format but DICOM, tomocast-dicom reads that with GDCM, whose
- * libraries take longer to start than most files to read. It hears what to do, locks itself in, decodes and answers. */
+/* The helper programs: tomocast-import reads every format but DICOM and MINC, tomocast-dicom reads DICOM with GDCM,
+ * whose libraries take longer to load than most files to read. A helper reads its request, locks itself in, decodes
+ * and answers. */
 #include <signal.h>
 #include <stdio.h>
 #include <string.h>
@@ -33,5 +34,5 @@ int main(void) {
     tc_wire_send_end(TC_HELPER_SOCKET_FD);
   else
     tc_wire_send_fail(TC_HELPER_SOCKET_FD, error->code, error->message);
-  _exit(ok ? 0 : 1); /* nothing to tidy up, and nothing that tidying could touch */
+  _exit(ok ? 0 : 1); /* no cleanup is needed, and exit handlers must not run on decoder state */
 }

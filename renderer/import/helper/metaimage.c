@@ -1,6 +1,5 @@
-/* MetaImage: .mha (data in the file) and .mhd (data beside it).
- *
- * Row k of TransformMatrix is the direction of index axis k; Offset and directions are LPS mm, as ITK has them. */
+/* MetaImage: .mha (data in the file) and .mhd (data in a separate file). Row k of TransformMatrix is the direction of
+ * index axis k; Offset and directions are LPS mm, as in ITK. */
 #include <math.h>
 #include <string.h>
 
@@ -9,7 +8,7 @@
 #include "renderer/import/helper/names.h"
 #include "renderer/import/reader.h"
 
-/* A header is text before ElementDataFile; LIST names follow it. */
+/* The header is text up to ElementDataFile; names of a LIST follow it. */
 #define LINE_LIMIT 65536u
 enum { max_dims = 6 };
 
@@ -26,12 +25,12 @@ typedef struct meta_header {
 
 typedef enum key_kind { KEY_INT, KEY_LIST, KEY_BOOL, KEY_ASCII, KEY_TYPE, KEY_MODALITY, KEY_DATA } key_kind;
 
-/* Where each key goes. Keys not here say nothing a renderer needs. */
+/* Destination of each key; other keys are ignored. */
 static const struct {
   const char *name;
   key_kind kind;
   size_t to, count; /* offsets in meta_header */
-  int most;         /* numbers in a list */
+  int most;         /* largest number of values in a list */
 } keys[] = {
 #define LIST(key, member, most) {key, KEY_LIST, offsetof(meta_header, member), offsetof(meta_header, n_##member), most}
     {"NDims", KEY_INT, offsetof(meta_header, n_dims), 0, 0},
@@ -60,7 +59,7 @@ static int element_of(const char *name) {
   static const struct { const char *name; tc_element element; } types[] = {
       {"MET_CHAR", TC_ELEMENT_I8},    {"MET_UCHAR", TC_ELEMENT_U8},   {"MET_SHORT", TC_ELEMENT_I16},
       {"MET_USHORT", TC_ELEMENT_U16}, {"MET_INT", TC_ELEMENT_I32},    {"MET_UINT", TC_ELEMENT_U32},
-      {"MET_LONG", TC_ELEMENT_I32},   {"MET_ULONG", TC_ELEMENT_U32}, /* 4 bytes by definition, on any machine */
+      {"MET_LONG", TC_ELEMENT_I32},   {"MET_ULONG", TC_ELEMENT_U32}, /* 4 bytes by definition on any machine */
       {"MET_LONG_LONG", TC_ELEMENT_I64}, {"MET_ULONG_LONG", TC_ELEMENT_U64},
       {"MET_FLOAT", TC_ELEMENT_F32},  {"MET_DOUBLE", TC_ELEMENT_F64},
   };
@@ -209,7 +208,7 @@ static bool set_type(tc_raster *raster, const meta_header *h, GError **error) {
   return true;
 }
 
-/* Only the first three axes and coordinates are space; a 2-D image lies in the plane z = 0. */
+/* Uses the first three axes and coordinates; a 2-D image lies in the plane z = 0. */
 static bool set_space(tc_raster *raster, const meta_header *h, GError **error) {
   int n = (int)h->n_dims, space = MIN(n, 3);
   const double *spacing = h->n_spacing ? h->spacing : h->element_size;
@@ -239,7 +238,7 @@ static bool set_space(tc_raster *raster, const meta_header *h, GError **error) {
   return false;
 }
 
-/* LIST: a file name per line follows, to the end of the header. */
+/* LIST: one file name per line up to the end of the header. */
 static bool list_names(GPtrArray *names, tc_reader *r, GError **error) {
   char *line;
   while ((line = tc_reader_line(r, LINE_LIMIT))) {
@@ -291,7 +290,7 @@ static bool read_metaimage(const tc_input *input, const tc_order *order, GError 
   if (!parse(&h, &r, error) || !set_dims(&raster, &h, error) || !set_type(&raster, &h, error)) goto out;
   if (!set_space(&raster, &h, error) || !set_data(&raster, &h, &r, error)) goto out;
   g_strlcpy(raster.desc.modality, h.modality, sizeof raster.desc.modality);
-  g_free(bytes); /* not needed while the voxels are read */
+  g_free(bytes); /* freed early: not needed while voxels are read */
   bytes = NULL;
   ok = tc_raster_load(&raster, order, error);
 out:

@@ -1,7 +1,6 @@
-/* MGH and MGZ of FreeSurfer: a header of 284 bytes, big-endian, then voxels; MGZ is the same in gzip.
- *
- * The header gives the directions of the axes and the place of the centre in RAS; where its flag says that they are not
- * good, the format's defaults hold (coronal slices). */
+/* MGH and MGZ of FreeSurfer: a header of 284 bytes, big-endian, then voxels; MGZ is gzipped MGH. The header gives the
+ * directions of the axes and the position of the centre in RAS; if its flag marks them as invalid, the format's
+ * defaults hold (coronal slices). */
 #include <math.h>
 
 #include "renderer/import/helper/convert.h"
@@ -13,7 +12,7 @@ enum { header_bytes = 284, numbers_at = 30 };
 typedef struct mgh_header {
   int32_t version, dims[3], frames, type;
   bool placed;
-  double spacing[3], axes[3][3], centre[3]; /* RAS; axes[k] = one of index axis k */
+  double spacing[3], axes[3][3], centre[3]; /* RAS; axes[k]: direction of index axis k */
 } mgh_header;
 
 static bool parse(mgh_header *h, const uint8_t *head, size_t size) {
@@ -43,7 +42,7 @@ static int element_of(int32_t type) {
   }
 }
 
-/* The first bytes say little: all that follows must make sense. */
+/* The magic bytes are weak, so all header fields must be plausible, too. */
 static bool probe(const uint8_t *head, size_t size) {
   mgh_header h;
   return parse(&h, head, size) && h.version == 1 && h.dims[0] > 0 && h.dims[1] > 0 && h.dims[2] > 0 && h.frames > 0 &&

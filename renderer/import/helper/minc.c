@@ -1,6 +1,6 @@
-/* MINC 2: HDF5 whose /minc-2.0/image/0/image holds the voxels and names its dimensions, slowest first; each dimension
- * of space has a start, a step and a direction in RAS. Integers stand for values from image-min to image-max, one pair
- * for all or for each slice, which the ends of their valid range mean; those outside it are nothing. */
+/* MINC 2: HDF5 whose /minc-2.0/image/0/image holds the voxels and names its dimensions, slowest first; each spatial
+ * dimension has a start, a step and a direction in RAS. Integers encode values from image-min to image-max, one pair
+ * for all slices or one for each, mapped to the ends of the valid range; integers outside that range have no value. */
 #include <math.h>
 #include <string.h>
 
@@ -12,19 +12,19 @@
 enum { MOST_DIMS = 4, MOST_SCALES = 1 << 20, SLAB_BYTES = 32 << 20 };
 
 typedef struct scales {
-  int rank; /* of its dimensions, which are the image's first; -1: none */
+  int rank; /* number of their dimensions, which are the image's slowest; -1: not present */
   hsize_t dims[H5S_MAX_RANK];
   double *ends[2]; /* image-min, image-max */
 } scales;
 
 typedef struct minc {
   hid_t file, image;
-  int rank, space[3], time; /* dimensions of index axes x, y, z, and of volumes or -1 */
+  int rank, space[3], time; /* dimensions of index axes x, y, z, and of time or -1 */
   hsize_t dims[H5S_MAX_RANK];
   tc_element element;
   double valid[2];
   scales scales;
-  hsize_t frame, slab; /* which volume, and how many slices of it are read at a time */
+  hsize_t frame, slab; /* number of the volume, and number of slices read at a time */
   double *values;      /* [slab] */
 } minc;
 
@@ -35,7 +35,7 @@ static bool fail(tc_error_code code, GError **error, const char *what) {
 
 /* ---- dimensions ---- */
 
-/* "time,zspace,yspace,xspace" */
+/* parses "time,zspace,yspace,xspace" */
 static bool name_dimensions(minc *m, char names[MOST_DIMS][32], GError **error) {
   char order[256];
   tc_hdf5_text(m->image, "dimorder", order, sizeof order);
@@ -56,7 +56,7 @@ static bool name_dimensions(minc *m, char names[MOST_DIMS][32], GError **error) 
                     "its dimensions are not xspace, yspace, zspace and at most time: convert it to NIfTI (mnc2nii)");
 }
 
-/* An axis in LPS mm, and its share of the place of the first voxel. */
+/* Reads an axis in LPS mm and adds its start to the position of the first voxel. */
 static bool take_axis(tc_raster *raster, const minc *m, const char *name, double column[3], GError **error) {
   char path[64], spacing[32];
   double start = 0, step = 1, direction[3] = {name[0] == 'x', name[0] == 'y', name[0] == 'z'};
@@ -111,7 +111,7 @@ static bool find_element(minc *m, GError **error) {
                 "voxels that are no numbers of at most 32 bits: convert it (mincreshape -float)");
   const bool is_signed = H5Tget_sign(type) == H5T_SGN_2;
   m->element = integers[log2];
-  if (is_signed) m->element--; /* each is after its signed one */
+  if (is_signed) m->element--; /* unsigned types follow their signed types in the enum */
   m->valid[0] = is_signed ? -ldexp(1, (int)size * 8 - 1) : 0;
   m->valid[1] = m->valid[0] + ldexp(1, (int)size * 8) - 1;
   double valid[2];
@@ -122,7 +122,7 @@ static bool find_element(minc *m, GError **error) {
   return m->valid[0] < m->valid[1] || fail(TC_ERROR_FORMAT, error, "the valid range is none of its voxels'");
 }
 
-/* Scales vary with the volume and the slowest dimension of space, never within a slice. */
+/* Scales may vary with the volume and the slowest spatial dimension, but not within a slice. */
 static bool fits(const minc *m, const scales *s) {
   hsize_t count = 1;
   for (int d = 0; d < s->rank; d++) {
@@ -192,7 +192,7 @@ static bool read_slices(const minc *m, hsize_t from, hsize_t n, hid_t type, void
          fail(TC_ERROR_FORMAT, error, "the voxels are damaged or cut short");
 }
 
-/* Goes through all slices; `take` gets n of them from `from` on, in m->values as numbers of `type`. */
+/* Visits all slices; `take` gets n of them from `from` in m->values, as numbers of `type`. */
 static bool each_slab(const minc *m, hid_t type, const tc_order *order,
                       bool (*take)(const minc *m, hsize_t from, hsize_t n, void *user, GError **error), void *user,
                       GError **error) {
@@ -210,7 +210,7 @@ static size_t slice_voxels(const minc *m) { return (size_t)(m->dims[m->space[0]]
 
 typedef struct extent {
   double least, most;
-  uint64_t outside; /* the valid range */
+  uint64_t outside; /* voxels outside the valid range */
 } extent;
 
 static bool widen(const minc *m, hsize_t from, hsize_t n, void *user, GError **error) {
@@ -230,7 +230,7 @@ static bool put_as_they_are(const minc *m, hsize_t from, hsize_t n, void *user, 
   return tc_order_put(order, m->values, n * slice_voxels(m) * bytes, error);
 }
 
-/* In place: a float is no longer than the number it is made of. */
+/* Converts in place: a float is never longer than its source number. */
 static bool put_values(const minc *m, hsize_t from, hsize_t n, void *user, GError **error) {
   const size_t voxels = slice_voxels(m);
   float *to = (float *)(void *)m->values;
@@ -246,8 +246,8 @@ static bool put_values(const minc *m, hsize_t from, hsize_t n, void *user, GErro
   return tc_order_put((const tc_order *)user, to, n * voxels * sizeof *to, error);
 }
 
-/* Integers of up to 16 bits stay as they are where one scale serves all and none is nothing; all else becomes values.
- */
+/* Keeps integers of up to 16 bits if one scale serves all slices and every voxel has a value; converts everything
+ * else to values. */
 static bool choose_type(tc_raster *raster, minc *m, const tc_order *order, hid_t *stored, GError **error) {
   static const struct {
     tc_voxel_type type;
@@ -285,7 +285,7 @@ static bool choose_type(tc_raster *raster, minc *m, const tc_order *order, hid_t
   return true;
 }
 
-/* As many slices as their chunks hold, which are unpacked once then. */
+/* Reads as many slices as a chunk holds, so that each chunk is decompressed once. */
 static bool make_slab(minc *m, GError **error) {
   const uint64_t slice = (uint64_t)slice_voxels(m) * sizeof(double);
   m->slab = CLAMP(tc_hdf5_chunk(m->image, m->space[2]), 1, MAX(1, SLAB_BYTES / slice));
@@ -306,7 +306,7 @@ static bool choose_frame(tc_raster *raster, minc *m, const tc_order *order, GErr
   return true;
 }
 
-/* Voxels that there can be at most: deflate packs no tighter. Looked at before any are read. */
+/* Limits the voxels by deflate's largest ratio, before any are read. */
 static bool can_hold(const minc *m, const tc_raster *raster, uint64_t most, GError **error) {
   const int *dims = raster->desc.dims; /* each at most 2^16 */
   if ((uint64_t)dims[0] * (uint64_t)dims[1] * (uint64_t)dims[2] <= most) return true;

@@ -1,9 +1,9 @@
-/* The program that knows MINC alone, also packed and in a zip: libhdf5 and what it links take longer to start than most
- * files to read. */
+/* The helper program for MINC alone, also compressed or zipped: libhdf5 and its libraries take longer to load than
+ * most files to read. */
 #include "renderer/import/helper/dicom_sources.h"
 #include "renderer/import/helper/format.h"
 
-/* The one file of HDF5; any one is, where nothing but a file was given. */
+/* Finds the HDF5 file; a single input file counts without a check. */
 static bool find_file(const tc_dicom_sources *sources, tc_dicom_blob *blob, GError **error) {
   size_t found = 0;
   for (size_t i = 0; i < sources->count; i++)

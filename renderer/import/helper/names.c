@@ -5,7 +5,7 @@
 
 #include "renderer/import/reader.h"
 
-/* The directive is taken apart here: a header's text never becomes a format string. */
+/* Parses the directive here, so that text of a header never becomes a format string. */
 typedef struct pattern {
   char *before, *after;
   int width;
@@ -21,7 +21,7 @@ static char *unescape(const char *text, size_t length) {
   return g_string_free(plain, FALSE);
 }
 
-/* The first '%' that is not part of "%%". */
+/* Finds the first '%' that is not part of "%%". */
 static const char *directive(const char *text) {
   for (const char *at = strchr(text, '%'); at; at = strchr(at + 2, '%')) {
     if (at[1] != '%') return at;

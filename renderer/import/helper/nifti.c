@@ -1,7 +1,6 @@
-/* NIfTI-1 and NIfTI-2: .nii, .nii.gz and .hdr with .img, either byte order.
- *
- * Place in space: sform where its code says it is set and its columns are independent; else qform; else the voxel
- * sizes along the world axes (the standard's method 1). NIfTI's world is RAS: the first two rows change sign. */
+/* NIfTI-1 and NIfTI-2: .nii, .nii.gz and .hdr with .img, either byte order. Geometry: the sform if its code is set
+ * and its columns are independent; else the qform; else voxel sizes along the world axes (the standard's method 1).
+ * NIfTI's world is RAS: the first two rows change sign. */
 #include <math.h>
 #include <string.h>
 
@@ -20,13 +19,13 @@ enum {
 typedef struct nifti_header {
   int version;
   bool big_endian, paired; /* paired: the data are in the .img */
-  bool analyze;            /* 7.5: the same header without magic, and without a place in space */
+  bool analyze;            /* Analyze 7.5: the same header without magic and without geometry */
   int64_t dim[8];
   int datatype, intent, qform_code, sform_code, units;
   double pixdim[8], vox_offset, slope, intercept, quatern[3], qoffset[3], srow[3][4];
 } nifti_header;
 
-/* 1 or 2, 0 when it is none; which byte order by the header's own size. */
+/* Returns version 1 or 2, or 0 if it is neither; the header's size field gives the byte order. */
 static int recognise(const uint8_t *head, size_t size, bool *big_endian, bool *paired) {
   static const uint8_t magic2[] = {'\r', '\n', 0x1a, '\n'};
   for (int big = 0; big < 2; big++) {
@@ -67,8 +66,8 @@ static const voxel_type *type_of(int code) {
   return NULL;
 }
 
-/* Analyze 7.5 has no magic: the header's size, a sane number of dimensions, and its "regular" mark, its extents, or a
- * datatype as wide as its bitpix says: some writers leave the first two out. */
+/* Analyze 7.5 has no magic. Requires the header's size, a plausible number of dimensions, and its "regular" mark, its
+ * extents, or a datatype that agrees with bitpix: some writers leave the first two out. */
 static bool is_analyze(const uint8_t *head, size_t size, bool *big_endian) {
   for (int big = 0; big < 2 && size >= header1_size; big++) {
     tc_reader r;
@@ -150,7 +149,7 @@ static bool parse(nifti_header *h, const uint8_t *head, size_t size, GError **er
     parse1(h, &r);
   else
     parse2(h, &r);
-  if (h->analyze) { /* other things stand where NIfTI keeps these; SPM's scale is at the same place as NIfTI's */
+  if (h->analyze) { /* Analyze uses these fields differently; SPM's scale is where NIfTI keeps its own */
     h->qform_code = h->sform_code = h->units = h->intent = 0;
     h->intercept = 0;
     if (!(fabs(h->slope) > 1e-30 && fabs(h->slope) < 1e30)) h->slope = 0;
@@ -159,7 +158,7 @@ static bool parse(nifti_header *h, const uint8_t *head, size_t size, GError **er
   return !r.failed;
 }
 
-/* dim[]: up to three in space, then time, then components where the intent says so. */
+/* dim[]: up to three spatial dimensions, then time, then components if the intent says so. */
 static bool set_dims(tc_raster *raster, const nifti_header *h, GError **error) {
   int64_t n = h->dim[0];
   if (h->intent >= intent_cifti_first && h->intent <= intent_cifti_last) {
@@ -180,10 +179,10 @@ static bool set_dims(tc_raster *raster, const nifti_header *h, GError **error) {
     if (i <= 3) {
       raster->desc.dims[i - 1] = (int)size;
     } else if (i == 5 && h->intent == intent_vector && size > 1) {
-      /* vectors are stored plane by plane: every time of a component, then the next component */
+      /* vectors are stored in planes: all times of one component, then the next component */
       raster->components = (uint32_t)size;
       raster->combine = TC_COMBINE_MAGNITUDE;
-      raster->inner = raster->frames; /* set_type() multiplies it by the voxels, once the sizes are sane */
+      raster->inner = raster->frames; /* set_type() multiplies it by the voxels once the sizes are checked */
     } else if (__builtin_mul_overflow(raster->frames, (uint64_t)size, &raster->frames)) {
       tc_set_error(error, TC_ERROR_LIMIT, NULL, "dim: more frames than any file holds");
       return false;
@@ -227,7 +226,7 @@ static bool set_type(tc_raster *raster, const nifti_header *h, GError **error) {
 }
 
 static void set_scale(tc_raster *raster, const nifti_header *h) {
-  if (raster->combine == TC_COMBINE_LUMA && raster->components > 1) return; /* the standard: none for colours */
+  if (raster->combine == TC_COMBINE_LUMA && raster->components > 1) return; /* the standard excludes colours */
   if (h->slope == 0) return;
   if (!tc_scale_is_usable(h->slope, h->intercept)) {
     tc_raster_note(raster, "scl_slope %g or scl_inter %g is no usable number: both were left out", h->slope, h->intercept);
@@ -248,7 +247,7 @@ static double unit_mm(const nifti_header *h) {
 
 static bool finite3(const double *v) { return isfinite(v[0]) && isfinite(v[1]) && isfinite(v[2]); }
 
-/* World axes of the index axes in RAS and the first voxel's place; false when the sform does not give them. */
+/* Axes of the grid in RAS and position of the first voxel; false if the sform does not define them. */
 static bool use_sform(tc_raster *raster, const nifti_header *h, double mm) {
   double columns[3][3];
   for (int k = 0; k < 3; k++)
@@ -259,7 +258,7 @@ static bool use_sform(tc_raster *raster, const nifti_header *h, double mm) {
   return true;
 }
 
-/* Voxel sizes: a negative one is taken without its sign, 0 on a flat axis or in a careless header as 1. */
+/* Voxel sizes: a negative size loses its sign; 0 becomes 1. */
 static bool voxel_sizes(tc_raster *raster, const nifti_header *h, double sizes[3]) {
   for (int k = 0; k < 3; k++) {
     sizes[k] = fabs(h->pixdim[k + 1]);
@@ -275,7 +274,7 @@ static bool use_qform(tc_raster *raster, const nifti_header *h, double mm, const
   double b = h->quatern[0], c = h->quatern[1], d = h->quatern[2];
   if (!finite3(h->quatern) || !finite3(h->qoffset)) return false;
   double a = 1 - (b * b + c * c + d * d);
-  if (a < 1e-7) { /* a half turn: float rounding may have left the others a little too long */
+  if (a < 1e-7) { /* a half turn: rounding may have made b, c, d slightly too long */
     double length = sqrt(b * b + c * c + d * d);
     b /= length;
     c /= length;
@@ -313,7 +312,7 @@ static bool set_space(tc_raster *raster, const nifti_header *h, GError **error) 
     if (use_qform(raster, h, mm, sizes)) return true;
     tc_raster_note(raster, "the qform is not a rotation and was left out");
   }
-  const double x = h->analyze ? 1 : -1; /* Analyze's usual, radiological order */
+  const double x = h->analyze ? 1 : -1; /* Analyze's usual order is radiological */
   const double columns[3][3] = {{x * mm * sizes[0], 0, 0}, {0, -mm * sizes[1], 0}, {0, 0, mm * sizes[2]}};
   tc_raster_note(raster, "the file gives no orientation: axes taken as %s, anterior, superior", h->analyze ? "left" : "right");
   if (tc_raster_set_axes(raster, columns)) return true;
@@ -333,7 +332,7 @@ static bool set_offset(tc_raster *raster, const nifti_header *h, tc_encoding pac
   return true;
 }
 
-/* The .img beside a .hdr; it may be compressed on its own. */
+/* Finds the .img of a .hdr; it may be compressed separately. */
 static bool find_image(tc_raster *raster, const tc_input *input, tc_encoding *packing, GError **error) {
   static const char *const suffixes[] = {".img", ".img.gz", ".IMG"};
   char *stem = g_strdup(input->name);
@@ -345,7 +344,7 @@ static bool find_image(tc_raster *raster, const tc_input *input, tc_encoding *pa
   if (dot) *dot = '\0';
   bool found = false;
   for (size_t i = 0; i <= G_N_ELEMENTS(suffixes) && !found && (i == 0 || !*error); i++) {
-    const bool again = i == G_N_ELEMENTS(suffixes); /* to be told that it is missing */
+    const bool again = i == G_N_ELEMENTS(suffixes); /* reports the missing file */
     char *name = g_strconcat(stem, suffixes[again ? 0 : i], NULL);
     tc_input image;
     found = tc_input_open_sibling(input, name, !again, &image, error);

@@ -1,5 +1,5 @@
-/* Wavefront OBJ: vertices, with colours ("v x y z r g b", 0 to 1, as MeshLab and Blender write them), normals and faces.
- * What else there is (textures, groups, materials, curves) is left out, and no other file is opened. */
+/* Wavefront OBJ: vertices, with colours ("v x y z r g b", 0 to 1, as MeshLab and Blender write them), normals and
+ * faces. Textures, groups, materials and curves are ignored, and no other file is opened. */
 #include <string.h>
 
 #include "renderer/import/helper/build.h"
@@ -7,19 +7,19 @@
 #include "renderer/import/helper/stream.h"
 
 #define NONE UINT32_MAX
-/* Marks the number of a vertex that stands in for another one with a second normal: these follow all of the file's. */
+/* Marks the number of a duplicate of a vertex with a second normal; duplicates follow the file's vertices. */
 #define EXTRA UINT32_C(0x80000000)
 
 typedef struct obj {
   tc_stream stream;
   tc_build build;
   float (*normals)[3];    /* "vn" */
-  uint32_t *normal_of;    /* [n_vertices] of those in the file: number of its normal, or NONE */
+  uint32_t *normal_of;    /* [n_vertices]: number of the vertex's normal, or NONE */
   uint32_t (*extras)[3];  /* vertex, normal, 0 */
   GArray *corners;        /* uint32_t, of a face */
   size_t n_normals, normal_room, normal_of_room, n_extras, extra_room;
   tc_weld weld;
-  bool bare; /* a corner without a normal was seen: then none has one */
+  bool bare; /* a corner without a normal was read, so the mesh gets no normals */
 } obj;
 
 static bool bad(const obj *o, const char *what, GError **error) {
@@ -52,7 +52,7 @@ static bool read_normal(obj *o, char *line, GError **error) {
   return true;
 }
 
-/* "7" is the seventh of those so far, "-1" the last. */
+/* "7" is the seventh vertex so far, "-1" the last. */
 static bool read_number(char **at, size_t count, uint32_t *number) {
   char *end;
   const gint64 given = g_ascii_strtoll(*at, &end, 10);
@@ -62,7 +62,7 @@ static bool read_number(char **at, size_t count, uint32_t *number) {
   return true;
 }
 
-/* A vertex with one normal is itself; with another one, a vertex more. */
+/* A vertex used with a second normal gets a duplicate. */
 static bool with_normal(obj *o, uint32_t vertex, uint32_t normal, uint32_t *corner, GError **error) {
   *corner = vertex;
   if (o->normal_of[vertex] == NONE) o->normal_of[vertex] = normal;
@@ -93,7 +93,7 @@ static bool read_corner(obj *o, char *word, uint32_t *corner, GError **error) {
 
 static uint32_t vertex_of(const obj *o, uint32_t corner) { return corner & EXTRA ? o->extras[corner & ~EXTRA][0] : corner; }
 
-/* Corners of one place are told by their vertices: a stand-in is where its vertex is. */
+/* Compares corners by the original vertices, since a duplicate has the same position. */
 static bool read_face(obj *o, char *line, GError **error) {
   tc_build *b = &o->build;
   g_array_set_size(o->corners, 0);
@@ -131,7 +131,7 @@ static bool read_lines(obj *o, GError **error) {
   return false;
 }
 
-/* Stand-ins get their places behind the file's vertices; without normals they are the vertices they stand in for. */
+/* Appends duplicates behind the file's vertices; without normals they are replaced by their originals. */
 static bool place_extras(obj *o, GError **error) {
   tc_build *b = &o->build;
   const size_t own = b->n_vertices;
@@ -174,7 +174,7 @@ static bool read_obj(const tc_input *input, const tc_order *order, GError **erro
   return ok;
 }
 
-/* Text whose first line that is no comment begins as one of these do. */
+/* Recognises text whose first line, comments aside, starts with an OBJ keyword. */
 static bool looks_like_obj(const uint8_t *head, size_t size) {
   static const char *const words[] = {"v", "vn", "vt", "f", "g", "o", "s", "mtllib", "usemtl"};
   char *text = g_strndup((const char *)head, size), **lines = g_strsplit(text, "\n", -1);

@@ -1,4 +1,4 @@
-/* Voxels and questions of the helper, and the daemon's answers. */
+/* Sends voxels and requests to the daemon and reads its replies. */
 #include "renderer/import/helper/output.h"
 
 #include <errno.h>
@@ -11,7 +11,7 @@ static bool gone(GError **error) {
   return false;
 }
 
-/* The next answer: a slot that is free again is counted here; else *what, with a descriptor or -1. */
+/* Reads the next reply: counts a free slot, or returns *what with a descriptor or -1. */
 static bool hear(tc_output *o, char *what, int *fd, GError **error) {
   union {
     struct cmsghdr align;
@@ -68,7 +68,7 @@ static bool filled(void *user, size_t bytes, GError **error) {
   return tc_wire_send_voxels(TC_HELPER_SOCKET_FD, slot, bytes) || gone(error);
 }
 
-/* The daemon looks by itself whether to go on: it is told what can be seen, and that there is somebody. */
+/* The daemon decides whether to continue. This reports visible progress and shows that the helper is alive. */
 static bool goes_on(void *user, double fraction, GError **error) {
   tc_output *o = user;
   const int64_t now_us = g_get_monotonic_time();

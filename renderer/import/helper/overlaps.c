@@ -1,6 +1,6 @@
 #include "renderer/import/helper/overlaps.h"
 
-enum { MOST_MEMBERS = 64 }; /* of one combination that are taken off and put on again */
+enum { MOST_MEMBERS = 64 }; /* largest number of segments in a combination that are removed and added again */
 
 void tc_overlaps_init(tc_overlaps *o, uint32_t last) {
   *o = (tc_overlaps){.last = last};
@@ -34,8 +34,8 @@ static uint32_t join(tc_overlaps *o, uint32_t label, uint32_t segment) {
   return made.label;
 }
 
-/* A combination is made of its segments in ascending order, so that each set of them has one label: those above the one
- * that joins are taken off and put on again behind it. */
+/* A combination is built from its segments in ascending order, so that each set has one label: larger segments are
+ * removed, the new one is added, and they are added again. */
 static uint32_t find(tc_overlaps *o, uint32_t under, uint32_t segment) {
   uint32_t above[MOST_MEMBERS];
   int n = 0;
@@ -47,7 +47,7 @@ static uint32_t find(tc_overlaps *o, uint32_t under, uint32_t segment) {
   }
   const uint32_t top = under > o->last ? combination(o, under)->of[1] : under;
   if (top > segment)
-    under = join(o, segment, under); /* a single one, and larger */
+    under = join(o, segment, under); /* a single, larger segment */
   else if (top < segment)
     under = join(o, under, segment);
   while (n > 0) under = join(o, under, above[--n]);

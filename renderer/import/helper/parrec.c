@@ -1,8 +1,8 @@
-/* Philips PAR/REC, versions 4 to 4.2: a text header with a row for each image, and a .REC of raw images beside it.
- *
- * Images are put together by what their rows say: type, sequence, time, label, b-value, direction, phase, echo. Each
- * set with all slices is a volume of the list. Values are those of the console (rescale slope and intercept). Place in
- * space: the header's centre and angles, in the order of rotations that nibabel found, which the tests compare with. */
+/* Philips PAR/REC, versions 4 to 4.2: a text header with a row for each image, and a .REC of raw images. Images are
+ * grouped by the values in their rows: type, sequence, time, label, b-value, direction, phase, echo. Each group with
+ * all slices is a volume of the list. Values are those of the console (rescale slope and intercept). Geometry comes
+ * from the header's centre and angles, with the order of rotations documented by nibabel, against which the tests
+ * compare. */
 #include <math.h>
 #include <string.h>
 
@@ -10,7 +10,7 @@
 #include "renderer/import/helper/format.h"
 #include "renderer/import/helper/stream.h"
 
-/* Columns of a row of numbers; the last three are of 4.1 and 4.2 alone. */
+/* Columns of a row of numbers; only 4.1 and 4.2 have the last three. */
 enum {
   SLICE = 0,
   ECHO,
@@ -38,17 +38,17 @@ enum {
 };
 enum { MOST_IMAGES = 1 << 17 };
 
-/* What tells volumes from each other, slowest first. */
+/* Columns that distinguish volumes, slowest first. */
 static const int keys[] = {TYPE, SEQUENCE, TIME, LABEL, B_FACTOR, B_VALUE, DIRECTION, PHASE, ECHO};
 
 typedef struct image {
   double row[COLUMNS];
-  int64_t order; /* in the header */
-  int again;     /* how many with the same keys and slice are before it */
+  int64_t order; /* position in the header */
+  int again;     /* number of earlier images with the same keys and slice */
 } image;
 
 typedef struct parrec {
-  GArray *images;              /* of the wanted order: volume by volume, slice by slice */
+  GArray *images;              /* sorted by volume, then by slice */
   double angles[3], centre[3]; /* degrees, mm; AP, FH, RL */
   double announced_slices, announced_times;
   int slices, times, volumes, incomplete;
@@ -71,7 +71,7 @@ static bool take_row(parrec *p, char *line, GError **error) {
   int column = 0;
   for (char *word; column < COLUMNS && *(word = tc_line_word(&line)); column++) {
     char *end;
-    i.row[column] = g_ascii_strtod(word, &end); /* two columns of 4.1 are words: they say nothing here */
+    i.row[column] = g_ascii_strtod(word, &end); /* two columns of 4.1 are words, which are not needed */
     if (column < LEAST_COLUMNS && (*end || !isfinite(i.row[column])))
       return fail(TC_ERROR_FORMAT, error, "a row is not of numbers");
   }
@@ -139,7 +139,7 @@ static int by_volume(const void *a, const void *b) {
 
 static image *image_at(const parrec *p, guint i) { return &g_array_index(p->images, image, i); }
 
-/* Images that nothing tells apart are of volumes after each other. */
+/* Sorts the images. Images with equal keys belong to successive volumes. */
 static void sort(parrec *p) {
   g_array_sort(p->images, by_volume);
   for (guint i = 1; i < p->images->len; i++) {
@@ -153,7 +153,7 @@ static void sort(parrec *p) {
   g_array_sort(p->images, by_volume);
 }
 
-/* Volumes that lack slices go: an acquisition that was broken off. */
+/* Drops volumes with missing slices, from an aborted acquisition. */
 static void keep_whole(parrec *p) {
   guint kept = 0;
   for (guint from = 0, to; from < p->images->len; from = to) {
@@ -169,7 +169,7 @@ static void keep_whole(parrec *p) {
   g_array_set_size(p->images, kept);
 }
 
-/* How many different numbers a column holds. */
+/* Number of different values in a column. */
 static int count_different(const parrec *p, int column) {
   GHashTable *numbers = g_hash_table_new(NULL, NULL);
   for (guint i = 0; i < p->images->len; i++)
@@ -179,7 +179,7 @@ static int count_different(const parrec *p, int column) {
   return count;
 }
 
-/* The header's centre is that of the stack as it announces it: a shorter one would lie elsewhere. */
+/* Checks the number of slices against the header: its centre holds only for the announced stack. */
 static bool count(parrec *p, GError **error) {
   p->slices = count_different(p, SLICE);
   p->times = count_different(p, TIME);
@@ -187,7 +187,7 @@ static bool count(parrec *p, GError **error) {
          fail(TC_ERROR_FORMAT, error, "fewer slices are listed than it announces: export the series again");
 }
 
-/* All images are of one grid. */
+/* Checks that all images have one grid. */
 static bool is_uniform(const parrec *p, GError **error) {
   static const int same[] = {BITS, SIZE_X, SIZE_Y, THICKNESS, GAP, ORIENTATION, SPACING_X, SPACING_Y};
   const image *first = image_at(p, 0);
@@ -208,7 +208,7 @@ static void turn(double v[3], int a, int b, double degrees) {
   v[b] = s * x + c * y;
 }
 
-/* Where an index axis of unturned slices points: column, row, slice of transverse, sagittal, coronal. */
+/* Directions of the index axes of slices without rotation: column, row, slice of transverse, sagittal, coronal. */
 static const signed char axes[3][3][3] = {
     {{0, 0, 1}, {1, 0, 0}, {0, 1, 0}}, {{1, 0, 0}, {0, -1, 0}, {0, 0, -1}}, {{0, 0, 1}, {0, -1, 0}, {1, 0, 0}}};
 
@@ -237,7 +237,7 @@ static bool set_space(tc_raster *raster, const parrec *p, GError **error) {
 
 /* ---- voxels ---- */
 
-/* Slices may each have a scale of their own; then the values themselves are kept. */
+/* Slices may have different scales; then rescaled values are stored. */
 static bool has_one_scale(const parrec *p, const image *images) {
   for (int z = 1; z < p->slices; z++)
     if (images[z].row[SLOPE] != images[0].row[SLOPE] || images[z].row[INTERCEPT] != images[0].row[INTERCEPT])
@@ -299,7 +299,7 @@ static bool describe(tc_raster *raster, const parrec *p, const image *images, GE
   return set_space(raster, p, error);
 }
 
-/* "NAME.PAR": "NAME.REC", in the same case. */
+/* Opens NAME.REC for NAME.PAR, in the same case. */
 static bool open_rec(const tc_input *input, tc_input *rec, GError **error) {
   const char *dot = strrchr(input->name, '.');
   const bool lower = dot && g_str_has_prefix(dot, ".par");

@@ -8,7 +8,7 @@ static bool fail(int code, GError **error) {
   return false;
 }
 
-/* NULL, with an error, where the header is none. */
+/* Returns NULL with an error for a damaged header. */
 static spng_ctx *begin(const tc_picture *p, struct spng_ihdr *head, GError **error) {
   spng_ctx *png = spng_ctx_new(0);
   int code = png ? spng_set_png_buffer(png, p->bytes, p->size) : SPNG_EMEM;
@@ -29,7 +29,7 @@ bool tc_png_page(const tc_picture *p, tc_page *page, GError **error) {
   return true;
 }
 
-/* Deflate packs 1032 to 1 at most: no picture takes memory that its file cannot hold. */
+/* Deflate's largest ratio is 1032:1, so a file cannot ask for more memory than that. */
 static bool is_held(const tc_picture *p, size_t bytes, GError **error) {
   if (bytes / 8 / 1032 <= p->size) return true;
   tc_set_error(error, TC_ERROR_FORMAT, NULL, "PNG: the file is too short for its picture");

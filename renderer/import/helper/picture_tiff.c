@@ -1,4 +1,4 @@
-/* TIFF through libtiff, from memory. */
+/* TIFF in memory, through libtiff. */
 #include <math.h>
 #include <string.h>
 #include <tiffio.h>
@@ -44,10 +44,10 @@ static uint32_t number(TIFF *tiff, uint32_t tag, uint32_t otherwise) {
   return TIFFGetFieldDefaulted(tiff, tag, &small) ? small : otherwise;
 }
 
-/* Smaller copies of a page are none of the stack. */
+/* Reduced copies of a page do not belong to the stack. */
 static bool is_reduced(TIFF *tiff) { return number(tiff, TIFFTAG_SUBFILETYPE, 0) & FILETYPE_REDUCEDIMAGE; }
 
-/* False at the end of the list, or, with *cut, where the list breaks off. */
+/* False at the end of the list, or with *cut if the list is damaged. */
 static bool next_page(TIFF *tiff, bool *cut) {
   while (!TIFFLastDirectory(tiff)) {
     if ((*cut = !TIFFReadDirectory(tiff))) return false;
@@ -117,7 +117,7 @@ bool tc_tiff_forward(tc_picture *p, GError **error) {
   return next_page(p->tiff, &cut) || fail(TC_ERROR_FORMAT, "a page is damaged", error);
 }
 
-/* Bits of a grey voxel that are read as they are; 0: libtiff makes colours of it. */
+/* Bits of a grey voxel that is stored unchanged; 0: libtiff converts the page to RGBA. */
 static uint32_t grey_bits(TIFF *tiff) {
   const uint32_t bits = number(tiff, TIFFTAG_BITSPERSAMPLE, 1),
                  photometric = number(tiff, TIFFTAG_PHOTOMETRIC, PHOTOMETRIC_MINISBLACK);
@@ -126,7 +126,7 @@ static uint32_t grey_bits(TIFF *tiff) {
   return grey && plain ? bits : 0;
 }
 
-/* Of pictures that libtiff turns into RGBA: without a word of how to read them three samples are RGB. */
+/* For pages that libtiff converts to RGBA: without a photometric tag, three samples are RGB. */
 static bool is_grey(TIFF *tiff) {
   return number(tiff, TIFFTAG_PHOTOMETRIC, PHOTOMETRIC_MINISBLACK) <= PHOTOMETRIC_MINISBLACK &&
          number(tiff, TIFFTAG_SAMPLESPERPIXEL, 1) <= 2;
@@ -154,7 +154,7 @@ bool tc_tiff_page(tc_picture *p, tc_page *page, GError **error) {
   return true;
 }
 
-/* Is there so much of a page in the file? No packing of TIFF does better than a few thousand to one. */
+/* Whether the file can hold a page of so many bytes: no TIFF compression exceeds a few thousand to one. */
 static bool is_held(const tc_picture *p, uint64_t bytes, GError **error) {
   return bytes / 8192 <= p->size || fail(TC_ERROR_FORMAT, "the file is too short for its page", error);
 }
@@ -200,7 +200,7 @@ static bool read_rgba(TIFF *tiff, const tc_page *page, uint8_t *to) {
   return ok;
 }
 
-/* White is 0: turned round. */
+/* Inverts pages where white is 0. */
 static void invert(void *voxels, size_t n, tc_voxel_type type) {
   for (size_t i = 0; i < n; i++) {
     if (type == TC_U8) ((uint8_t *)voxels)[i] = (uint8_t) ~((uint8_t *)voxels)[i];

@@ -1,5 +1,5 @@
-/* PLY, ASCII and binary of either byte order: vertices (x y z, nx ny nz, red green blue) and faces; every other element and
- * property is left out. */
+/* PLY, ASCII and binary of either byte order: vertices (x y z, nx ny nz, red green blue) and faces; all other
+ * elements and properties are skipped. */
 #include <string.h>
 
 #include "renderer/import/helper/build.h"
@@ -9,12 +9,12 @@
 
 enum { MOST_ELEMENTS = 64, MOST_PROPERTIES = 256, MOST_LIST = 65536 };
 
-/* What a property is to a mesh. */
+/* Meaning of a property for the mesh. */
 typedef enum role { NOTHING, X, Y, Z, NX, NY, NZ, RED, GREEN, BLUE, CORNERS, ROLES } role;
 
 typedef struct property {
   bool list;
-  tc_element type, count; /* count: of a list's length */
+  tc_element type, count; /* count: type of a list's length */
   role role;
 } property;
 
@@ -29,10 +29,10 @@ typedef struct ply {
   tc_build build;
   bool ascii, big;
   GArray *elements;
-  double of[ROLES]; /* of the row that was read last */
-  GArray *corners;       /* uint32_t, likewise: vertices that there are */
+  double of[ROLES]; /* values of the last row */
+  GArray *corners;       /* uint32_t, of the last row; valid vertex indices */
   bool has_normals, has_colors;
-  double brightest[3]; /* of a color's type */
+  double brightest[3]; /* value of a colour's type that means 1 */
 } ply;
 
 /* ---- header ---- */
@@ -114,7 +114,7 @@ static bool has(const element *e, role r) {
   return false;
 }
 
-/* The number that stands for 1 in a colour of this type; 0: none does. */
+/* The value that means 1 in colours of this type; 0: the type cannot hold colours. */
 static double brightest_of(tc_element type) {
   switch (type) {
   case TC_ELEMENT_U8: return 255;
@@ -180,7 +180,7 @@ static bool short_line(const ply *p, GError **error) {
   return false;
 }
 
-/* Where the next number is: in a line, or in the bytes of the stream. */
+/* Reads the next number, from a line or from the stream's bytes. */
 static bool next_number(ply *p, tc_element type, char **line, double *number, GError **error) {
   if (p->ascii) return tc_line_number(line, number) || short_line(p, error);
   const size_t size = tc_element_size(type);
@@ -204,7 +204,7 @@ static bool next_number(ply *p, tc_element type, char **line, double *number, GE
   return true;
 }
 
-/* Of a face: only vertices that there are. */
+/* Adds a corner of a face if the vertex exists. */
 static bool take_corner(ply *p, double number, GError **error) {
   const uint32_t corner = number >= 0 && number < (double)p->build.n_vertices ? (uint32_t)number : UINT32_MAX;
   g_array_append_val(p->corners, corner);
@@ -260,7 +260,7 @@ static bool read_rows(ply *p, const element *e, GError **error) {
   for (uint64_t i = 0; i < e->n; i++) {
     const bool good = read_row(p, e, error) && (!e->vertices || take_vertex(p, error)) && (!e->faces || take_face(p, error));
     if (good && (e->properties->len || p->ascii)) continue;
-    if (good) return true; /* rows of nothing */
+    if (good) return true; /* rows without properties */
     g_prefix_error(error, "%s %" G_GUINT64_FORMAT " of %" G_GUINT64_FORMAT ": ",
                    e->vertices ? "vertex" : e->faces ? "face" : "row", i + 1, e->n);
     return false;

@@ -1,4 +1,4 @@
-/* Rasters: what a header says of an image, before its voxels are read. */
+/* Rasters: the description of an image before its voxels are read. */
 #include <math.h>
 #include <stdarg.h>
 #include <string.h>
@@ -79,7 +79,7 @@ bool tc_raster_begin(tc_raster *raster, uint64_t most, const tc_provenance *from
     tc_set_error(error, TC_ERROR_FORMAT, NULL, "the file is cut short: it cannot hold %" G_GUINT64_FORMAT " voxels", voxels);
     return false;
   }
-  for (int i = 0; i < 3; i++) d->origin[i] += 0.0; /* no -0 */
+  for (int i = 0; i < 3; i++) d->origin[i] += 0.0; /* turns -0 into 0 */
   for (int i = 0; i < 9; i++) d->direction[i] += 0.0;
   return order->want(order->user, bytes, error) && order->begin(order->user, d, from, error);
 }

@@ -1,4 +1,4 @@
-/* The helper's side of its stream to the parent. Free of everything but the C library. */
+/* The helper's side of the message stream. Depends on the C library only. */
 #include <errno.h>
 #include <string.h>
 #include <unistd.h>
@@ -27,7 +27,7 @@ static void put_f64(uint8_t **at, double value) {
   for (int i = 0; i < 8; i++) *(*at)++ = (uint8_t)(bits >> (8 * i));
 }
 
-/* A fixed field: cut to fit, zero-filled, always ended. */
+/* Writes a fixed-size text field: cut to fit, zero-filled, always terminated. */
 static void put_text(uint8_t **at, const char *text, size_t field) {
   size_t n = strnlen(text, field - 1);
   memset(*at, 0, field);

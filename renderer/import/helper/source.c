@@ -6,14 +6,13 @@
 #include "renderer/import/helper/decode.h"
 #include "renderer/import/reader.h"
 
-/* Deflate's greatest ratio is 1032:1; a little more leaves room for headers of tiny files. */
+/* Deflate's largest ratio is 1032:1; the margin is for headers of tiny files. */
 #define DEFLATE_RATIO 1100u
-/* How far behind the data the end of a compressed stream is looked for. */
+/* The end of a compressed stream is searched this far behind the data. */
 #define TRAILER_REACH (1u << 20)
-/* This much of what a compressed stream decodes to may lie before the voxels; one whose data are "the last bytes" is
- * decoded twice. */
+/* Largest number of decoded bytes before the voxels. A stream whose data are "the last bytes" is decoded twice. */
 #define LEAD_LIMIT (256u << 20)
-/* How much of frames that nobody reads is decoded to see whether they are whole. */
+/* Decoded bytes of unread frames, to check that they are complete. */
 #define UNREAD_REACH (64u << 20)
 #define LINE_SKIP_REACH (64u << 20)
 
@@ -40,14 +39,15 @@ bool tc_data_attach(tc_data *data, uint64_t at, GError **error) {
     tc_set_error(error, TC_ERROR_UNSUPPORTED, NULL, "encoded voxels in a packed file are not read: unpack the file first");
     return false;
   }
-  if (data->byte_skip < (int64_t)at) data->byte_skip = -1; /* they are the last there are, as before */
+  if (data->byte_skip < (int64_t)at) data->byte_skip = -1; /* the data are still the last bytes of the stream */
   data->encoding = packing;
   return true;
 }
 
 uint64_t tc_data_parts(const tc_data *data) { return data->names ? data->names->len : 1; }
 
-/* The file of a part. A part in the header's own file borrows it: fd -1 and bytes NULL mark "nothing to close". */
+/* Opens the file of a part. A part in the header's own file borrows the input: fd -1 and bytes NULL mark that nothing
+ * is to be closed. */
 static bool open_part(const tc_data *data, uint64_t index, tc_input *own, const tc_input **input, GError **error) {
   *own = (tc_input){.fd = -1};
   *input = data->input;
@@ -63,7 +63,7 @@ static void name_part(const tc_data *data, uint64_t index, GError **error) {
   g_free(quoted);
 }
 
-/* Where the encoded bytes begin once line_skip lines are left out. */
+/* Offset of the encoded bytes behind line_skip lines. */
 static bool skip_lines(const tc_data *data, const tc_input *input, uint64_t *at, GError **error) {
   uint8_t bytes[4096];
   *at = data->offset;
@@ -98,7 +98,7 @@ static void say_lead(GError **error) {
   tc_set_error(error, TC_ERROR_LIMIT, NULL, "byte skip: more than 256 MiB lie before the voxels");
 }
 
-/* Decodes all to learn how many bytes there are, up to `enough`. */
+/* Decodes the stream to count its bytes, up to `enough`. */
 static bool count_bytes(const tc_data *data, const tc_input *input, uint64_t at, uint64_t enough, uint64_t *count,
                         GError **error) {
   tc_decoder *decoder = new_decoder(data, input, at, 0, error);
@@ -133,7 +133,7 @@ static bool check_part(const tc_data *data, const tc_input *input, GError **erro
     return false;
   case TC_ENCODING_BZIP2: return true;
   case TC_ENCODING_TEXT:
-    if (data->part_bytes / element <= (left + 1) / 2) return true; /* a digit and a gap each */
+    if (data->part_bytes / element <= (left + 1) / 2) return true; /* each number takes at least a digit and a separator */
     say_short(error, left, data->part_bytes / element * 2);
     return false;
   case TC_ENCODING_HEX:
@@ -159,12 +159,12 @@ bool tc_data_check(const tc_data *data, GError **error) {
 
 struct tc_source {
   const tc_data *data;
-  uint64_t part; /* the next to open; the open one is part - 1 */
+  uint64_t part; /* next part to open; the open part is part - 1 */
   tc_input own;
   const tc_input *input;
   tc_decoder *decoder; /* of the open part, or NULL */
-  uint64_t left;       /* decoded bytes still wanted of it */
-  uint64_t lead;       /* decoded bytes before the voxels in it */
+  uint64_t left;       /* remaining decoded bytes of the part */
+  uint64_t lead;       /* decoded bytes before the voxels of the part */
 };
 
 tc_source *tc_source_new(const tc_data *data) {
@@ -186,7 +186,7 @@ void tc_source_free(tc_source *source) {
   g_free(source);
 }
 
-/* How many decoded bytes lie before the voxels. */
+/* Number of decoded bytes before the voxels. */
 static bool lead_bytes(const tc_source *source, uint64_t at, uint64_t *lead, GError **error) {
   const tc_data *data = source->data;
   *lead = (uint64_t)MAX(data->byte_skip, 0);
@@ -230,7 +230,7 @@ static bool open_next(tc_source *source, GError **error) {
   return true;
 }
 
-/* Reads into `to`, or leaves bytes out where it is NULL. */
+/* Reads into `to`, or skips bytes if it is NULL. */
 static bool advance(tc_source *source, uint8_t *to, uint64_t n, GError **error) {
   while (n > 0) {
     if (!source->decoder || source->left == 0)
@@ -259,7 +259,7 @@ bool tc_source_read(tc_source *source, void *to, size_t n, GError **error) { ret
 
 bool tc_source_skip(tc_source *source, uint64_t n, GError **error) { return advance(source, NULL, n, error); }
 
-/* A gzip file ends with its decoded size: where that is the size wanted, the file was not cut. */
+/* A gzip file ends with its decoded size: if that is the expected size, the file is complete. */
 static bool ends_with_size(const tc_source *source) {
   const tc_input *input = source->input;
   uint32_t wanted = (uint32_t)(source->lead + source->data->part_bytes);

@@ -8,7 +8,7 @@
 
 typedef struct stack {
   const tc_dicom_sources *sources;
-  GArray *order; /* size_t: sources that are pictures, in the stack's order */
+  GArray *order; /* size_t: indices of the sources that are pictures, in the stack's order */
   tc_picture_note note;
   uint64_t pages;
   tc_page page;
@@ -60,7 +60,7 @@ static bool take_choice(stack *s, const char *choice, GError **error) {
 
 /* ---- order ---- */
 
-/* Runs of digits as numbers: "slice9" comes before "slice10". */
+/* Compares runs of digits as numbers: "slice9" comes before "slice10". */
 static int compare_names(const char *a, const char *b) {
   while (*a && *b) {
     if (g_ascii_isdigit(*a) && g_ascii_isdigit(*b)) {
@@ -109,7 +109,7 @@ static bool open_picture(const stack *s, guint i, tc_dicom_blob *blob, tc_pictur
   return false;
 }
 
-/* How many pages there are in all, and what the first one is. */
+/* Counts the pages and describes the first. */
 static bool look(stack *s, const tc_order *order, GError **error) {
   for (guint i = 0; i < s->order->len; i++) {
     tc_dicom_blob blob;
@@ -125,7 +125,7 @@ static bool look(stack *s, const tc_order *order, GError **error) {
   return true;
 }
 
-/* Does a page, counted over all files, belong to the volume? Channels vary fastest, then slices, then frames. */
+/* Whether a page, counted over all files, belongs to the volume. Channels vary fastest, then slices, then frames. */
 static bool is_wanted(const stack *s, uint64_t page) {
   const uint64_t channels = (uint64_t)s->note.channels,
                  volume = page / (channels * (uint64_t)s->note.slices) * channels + page % channels;
@@ -153,7 +153,7 @@ static bool send_file(const stack *s, guint i, uint64_t *page, uint8_t *voxels, 
 
 /* ---- the volume ---- */
 
-/* A note of several volumes holds where the pages are as many as it says. */
+/* Uses a note of several volumes only if the number of pages agrees. */
 static void settle_note(stack *s) {
   const uint64_t noted = (uint64_t)s->note.slices * (uint64_t)s->note.channels * (uint64_t)s->note.frames;
   if (s->order->len == 1 && noted == s->pages) return;

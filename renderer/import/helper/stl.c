@@ -1,5 +1,5 @@
-/* STL, binary and ASCII: triangles with their corners' coordinates. Corners in one place become one vertex. What the file
- * says of normals follows from the corners and is not read. */
+/* STL, binary and ASCII: triangles with the coordinates of their corners. Equal corners become one vertex. The file's
+ * normals follow from the corners and are ignored. */
 #include <string.h>
 
 #include "renderer/import/helper/build.h"
@@ -64,7 +64,7 @@ static bool bad_line(const stl *s, const char *what, GError **error) {
   return false;
 }
 
-/* A line of an ASCII file; `corners` collects those of a loop. */
+/* Reads a line of an ASCII file; `corners` collects the corners of a loop. */
 static bool read_line(stl *s, char *line, uint32_t corners[3], int *n, GError **error) {
   const char *word = tc_line_word(&line);
   double at[3];
@@ -99,7 +99,7 @@ static bool read_ascii(stl *s, GError **error) {
 
 /* ---- */
 
-/* A binary file may begin with "solid", too. */
+/* Binary files may begin with "solid", too. */
 static bool is_ascii(const uint8_t *head, size_t size) {
   size_t at = 0;
   while (at < size && g_ascii_isspace(head[at])) at++;

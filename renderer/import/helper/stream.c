@@ -23,7 +23,7 @@ void tc_stream_close(tc_stream *s) {
   *s = (tc_stream){0};
 }
 
-/* More bytes behind those that are left; *more is false at the end of the file. */
+/* Reads more bytes behind those in the buffer; *more is false at the end of the file. */
 static bool refill(tc_stream *s, bool *more, GError **error) {
   size_t got = 0;
   if (!watch(s, error)) return false;
@@ -52,7 +52,7 @@ const uint8_t *tc_stream_take(tc_stream *s, size_t n, GError **error) {
   return s->buffer + s->at - n;
 }
 
-/* Where the line that begins at `at` ends; NULL: not in the buffer. Lines that go on are joined. */
+/* Finds the end of the line at `at` and joins continued lines; NULL: the end is not in the buffer. */
 static char *find_end(tc_stream *s, size_t *looked) {
   for (char *end; (end = memchr(s->buffer + s->at + *looked, '\n', s->size - s->at - *looked));) {
     char *start = (char *)s->buffer + s->at, *last = end;
@@ -81,7 +81,7 @@ char *tc_stream_line(tc_stream *s, GError **error) {
   if (!end && s->at == s->size) return NULL;
   char *start = (char *)s->buffer + s->at;
   if (!end) {
-    end = (char *)s->buffer + s->size; /* the buffer has a byte more */
+    end = (char *)s->buffer + s->size; /* the buffer has one more byte */
     s->line++;
   }
   s->at = MIN((size_t)(end - (char *)s->buffer) + 1, s->size);
@@ -92,7 +92,7 @@ char *tc_stream_line(tc_stream *s, GError **error) {
 
 bool tc_line_number(char **line, double *number) {
   char *end;
-  *number = g_ascii_strtod(*line, &end); /* leaves out blanks before it */
+  *number = g_ascii_strtod(*line, &end); /* skips blanks */
   if (end == *line || (*end && !g_ascii_isspace(*end))) return false;
   *line = end;
   return true;

@@ -6,7 +6,7 @@
 
 static bool is_gap(char c) { return g_ascii_isspace(c) || c == ','; }
 
-/* One number in the element's own type; false when it is none or does not fit. */
+/* Parses one number of the element's type; false if it is malformed or out of range. */
 static bool number(const char *text, char **end, tc_element element, void *to) {
   static const int64_t lowest[] = {INT8_MIN, 0, INT16_MIN, 0, INT32_MIN, 0, INT64_MIN, 0};
   static const uint64_t highest[] = {INT8_MAX,  UINT8_MAX,  INT16_MAX, UINT16_MAX,

@@ -1,4 +1,4 @@
-/* Run-length voxel models (splat/VMD.md): checked and unpacked here, in the daemon's memory as runs. */
+/* Run-length voxel models (splat/VMD.md): the helper checks and decompresses them, the daemon keeps runs in memory. */
 #include <string.h>
 
 #include "renderer/import/helper/format.h"

@@ -9,7 +9,7 @@ typedef struct zipped {
   size_t header;
 } zipped;
 
-/* Whatever it looks like: the voxels of a pair may begin as anything. */
+/* Opens a member without a check of its content: the data file of a pair may begin with any bytes. */
 static bool get(const tc_dicom_sources *sources, size_t index, tc_input *input, GError **error) {
   static const tc_dicom_source_kind kinds[] = {TC_SOURCE_OTHER, TC_SOURCE_DICOM, TC_SOURCE_PICTURE, TC_SOURCE_HDF5};
   tc_dicom_blob blob = {0};
@@ -25,7 +25,8 @@ static bool get(const tc_dicom_sources *sources, size_t index, tc_input *input, 
   return true;
 }
 
-/* By its name, in the header's folder. The other one of two needs none: the page sends no file's name. */
+/* Finds a member by its name in the header's folder. Of two members the other one matches any name, since the page
+ * does not send file names. */
 static bool get_member(void *user, const char *name, tc_input *member, GError **error) {
   const zipped *z = user;
   const char *header = tc_dicom_sources_name(z->sources, z->header), *slash = strrchr(header, '/');
@@ -38,7 +39,7 @@ static bool get_member(void *user, const char *name, tc_input *member, GError **
   return z->sources->count == 2 && get(z->sources, 1 - z->header, member, error);
 }
 
-/* The number of volumes, and the first of them. */
+/* Number of members that are volumes, and the first of them. */
 static size_t count_volumes(const tc_dicom_sources *sources, size_t *first) {
   uint8_t head[TC_PROBE_BYTES];
   size_t count = 0;
