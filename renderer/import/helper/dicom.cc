@@ -1,9 +1,7 @@
-// Reads DICOM with GDCM.
-//
-// GDCM speaks C++, and so do the files of this reader. Files that come in are hostile, and so is, in the worst case,
-// this process: the daemon checks every byte of the answer (wire.h). Two passes: headers of all files give the list of
-// series (dicom_picture.h, dicom_series.h) and the geometry of the chosen one (dicom_volume.h); then the pictures are
-// decoded in order (dicom_decoder.h).
+// Reads DICOM with GDCM, which is C++, as are this reader's files. Input files are hostile, and in the worst case
+// this process is, too: the daemon validates every message (wire.h). Two passes: the headers of all files give the
+// list of series (dicom_picture.h, dicom_series.h) and the geometry of the chosen series (dicom_volume.h); then the
+// pictures are decoded in order (dicom_decoder.h).
 #include <new>
 
 #include <gdcmTrace.h>
@@ -47,7 +45,7 @@ static Failure decode(int input, const tc_helper_request &request, const tc_orde
     return f;
   } catch (const std::bad_alloc &) {
     return Failure{TC_ERROR_FORMAT, "the DICOM file announces more data than it can hold, or is too large to decode"};
-  } catch (...) { // GDCM's own; its text may quote the file
+  } catch (...) { // an exception of GDCM; its text may quote the file
     return Failure{TC_ERROR_FORMAT, "the DICOM file is damaged"};
   }
 }

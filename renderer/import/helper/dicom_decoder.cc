@@ -69,7 +69,7 @@ void Decoder::open(const Picture &p) {
   open_ = &p;
 }
 
-// GDCM is given what is missing of the file.
+// Appends the end mark of encapsulated pixels that the file lacks.
 void Decoder::add_end_mark(size_t at) {
   static const uint8_t mark[8] = {0xfe, 0xff, 0xdd, 0xe0};
   if (at > blob_.size) fail(TC_ERROR_IO, "a file changed while it was read");
@@ -108,7 +108,7 @@ void Decoder::open_native(const Picture &p) {
 
 uint32_t Decoder::stored_frames(const Picture &p) { return p.tiles_across ? 1 : p.frames; }
 
-// One slice of a mosaic.
+// Extracts one slice of a mosaic.
 Frame Decoder::tile_of(const Frame &whole, uint32_t across, uint32_t number) {
   Frame f = whole;
   const size_t pixel = size_t(whole.samples.allocated) / 8, row = size_t(whole.samples.columns) * pixel;
@@ -138,7 +138,7 @@ uint64_t Decoder::frame_bits(const tc_dicom_samples &s) {
 void Decoder::open_coded(const Picture &p) {
   MemoryBuffer buffer(blob_.bytes, blob_.size);
   std::istream stream(&buffer);
-  // The reader of images wants geometry too, and gives up on files of one frame that it expects several in.
+  // ImageReader requires geometry, and rejects single-frame files of classes that it expects to be multi-frame
   reader_.reset(p.palette ? new gdcm::ImageReader : new gdcm::PixmapReader);
   reader_->SetStream(stream);
   if (!guarded([&] { return reader_->Read(); }))
@@ -147,8 +147,8 @@ void Decoder::open_coded(const Picture &p) {
   if (stored_frames(p) > 1 && !p.palette) split_fragments(p);
 }
 
-// Run lengths are unpacked here: GDCM takes those of wide colours for others, and walks a table of 15 offsets by a
-// number of the file as soon as a picture is opened. Only the colours of a palette are left to it.
+// Decodes run lengths here: GDCM confuses those of deep colours, and indexes a table of 15 offsets by a number of the
+// file when it opens a picture. Only palette colours are left to GDCM.
 void Decoder::open_run_lengths(const Picture &p) {
   const gdcm::SequenceOfFragments *all = read_pixels(p).GetSequenceOfFragments();
   if (!all || all->GetNumberOfFragments() < stored_frames(p))
@@ -180,8 +180,8 @@ const gdcm::Bitmap &Decoder::picture() const {
   return reader_->GetPixmap();
 }
 
-// Compressed frames come one at a time where the fragments say which belong to which frame: less memory, and of a
-// time series only the frames that are shown get decoded.
+// Decodes compressed frames one at a time if the fragments can be assigned to frames: this saves memory, and of a
+// time series only the chosen frames are decoded.
 void Decoder::split_fragments(const Picture &p) {
   const gdcm::DataElement &element = picture().GetDataElement();
   const gdcm::SequenceOfFragments *all = element.GetSequenceOfFragments();
@@ -202,7 +202,7 @@ Frame Decoder::native_frame(const Picture &p, uint32_t number) {
   return Frame{p.samples, bytes_ + bits / 8, size_ - bits / 8, static_cast<unsigned>(bits % 8)};
 }
 
-// What the decoder made of it, which may differ from the header (a JPEG says itself how deep it is).
+// The format after decoding, which may differ from the header (a JPEG has its own bit depth).
 tc_dicom_samples Decoder::decoded_samples(const gdcm::Bitmap &image, const Picture &p) {
   const gdcm::PixelFormat &format = image.GetPixelFormat();
   tc_dicom_samples s = p.samples;

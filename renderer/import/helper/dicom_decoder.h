@@ -1,4 +1,4 @@
-// Pixels: decodes frames of one file at a time with GDCM.
+// Pixels: decodes frames with GDCM, one file at a time.
 #ifndef TC_DICOM_DECODER_H
 #define TC_DICOM_DECODER_H
 
@@ -13,12 +13,12 @@ namespace dicom {
 
 using Frame = tc_dicom_frame;
 
-// The last file stays open, so frames of a multi-frame file cost one read. For one thread.
+// The last file stays open, so the frames of a multi-frame file cost one read. For one thread.
 class Decoder {
 public:
   explicit Decoder(const tc_dicom_sources &sources) : sources_(sources) {}
   ~Decoder() { close(); }
-  Frame frame(const Picture &p, uint32_t number); // valid until the next
+  Frame frame(const Picture &p, uint32_t number); // valid until the next call
 
 private:
   void close();
@@ -45,13 +45,13 @@ private:
   const tc_dicom_sources &sources_;
   const Picture *open_ = nullptr;
   tc_dicom_blob blob_{};
-  size_t cap_ = SIZE_MAX; // allocations while this file is open
+  size_t cap_ = SIZE_MAX; // limit on single allocations while this file is open
   std::unique_ptr<gdcm::PixmapReader> reader_;
   std::unique_ptr<gdcm::Reader> plain_reader_;
   const uint8_t *bytes_ = nullptr;
   size_t size_ = 0;
-  bool cut_ = false; // the file ends before its last element does
-  std::vector<const gdcm::ByteValue *> runs_; // [frames], of the plain reader
+  bool cut_ = false; // the file ends before its last element
+  std::vector<const gdcm::ByteValue *> runs_; // [frames], from gdcm::Reader
   std::vector<gdcm::SmartPointer<gdcm::SequenceOfFragments>> pieces_;
   std::vector<uint8_t> whole_, tile_;
   std::vector<uint16_t> values_;

@@ -1,4 +1,4 @@
-// Keys of a slice: what tells the volumes of one series apart.
+// Keys of a slice: the values that distinguish the volumes of a series.
 #include <cmath>
 #include <map>
 
@@ -6,7 +6,7 @@
 
 namespace dicom {
 
-// A checksum of a text, 0 for none.
+// Hash of a text, 0 for an empty one.
 static uint64_t checksum(const std::string &text) {
   uint64_t sum = 14695981039346656037u;
   for (char c : text)
@@ -14,7 +14,7 @@ static uint64_t checksum(const std::string &text) {
   return text.empty() ? 0 : sum;
 }
 
-// Keys that are texts are numbered as they come, and put in the texts' order when all are known.
+// Text keys are numbered in order of appearance and ranked when all are known.
 static std::map<std::string, double> key_texts;
 
 static double text_key(const std::string &text, double otherwise) {
@@ -36,7 +36,7 @@ static double float_key(const DataSet &set, Tag tag, double otherwise) {
   return std::isfinite(value) ? value : otherwise;
 }
 
-// The b-value, where the standard or one of three makers keeps it.
+// The b-value, from the standard attribute or from those of three manufacturers.
 static double read_b_value(const DataSet &set, double otherwise) {
   double value = float_key(set, Tag(0x18, 0x9087), -1);
   if (value >= 0) return value;

@@ -1,4 +1,4 @@
-// Segmentations: frames of segments become layers of labels.
+// Segmentations: converts frames of segments to layers of labels.
 #include <algorithm>
 #include <cstring>
 
@@ -33,7 +33,7 @@ bool find_overlaps(Job &job, const Run &run) {
   for (size_t i = 0; i < job.stack.count; i++)
     most = std::max(most, segment_of(job, i));
   if (most == 0 || job.fraction) return false;
-  for (const tc_segment &s : job.first().segments) // one without a frame keeps its number, too
+  for (const tc_segment &s : job.first().segments) // a segment without frames keeps its number
     most = std::max(most, s.label);
   job.labels = true;
   std::copy(job.stack.dims, job.stack.dims + 3, job.desc.dims);

@@ -1,4 +1,4 @@
-// Layers of voxels, decoded by several threads and sent in order.
+// Decodes layers of voxels on several threads and sends them in order.
 #include <sched.h>
 
 #include <algorithm>
@@ -24,7 +24,7 @@ void put_layer(const Run &run, const std::vector<uint8_t> &layer) {
   if (!tc_order_put(&run.order, layer.data(), layer.size(), &error)) fail_with(error);
 }
 
-// Fills one layer from the items [from, to) of the stack; what no frame writes is empty (segmentations only).
+// Fills one layer from the items [from, to) of the stack; layers without a frame (segmentations only) are empty.
 static void make_layer(Job &job, Decoder &decoder, size_t from, size_t to, uint8_t *layer) {
   if (job.labels) {
     std::vector<uint16_t> labels;
@@ -52,7 +52,7 @@ static void make_layer(Job &job, Decoder &decoder, size_t from, size_t to, uint8
 }
 
 namespace {
-// One thread's share: a decoder of its own, a layer, and what went wrong.
+// State of one thread: a decoder, a layer, and an error.
 struct Worker {
   explicit Worker(const Run &run, size_t bytes) : decoder(run.sources), layer(bytes) {}
   Decoder decoder;
@@ -69,7 +69,7 @@ struct Worker {
 };
 } // namespace
 
-// Compressed slices in files of their own are worth several threads; bytes as they are come faster than they are sent.
+// Several threads pay off for compressed slices in separate files; uncompressed slices are read faster than sent.
 static size_t count_workers(const Job &job) {
   cpu_set_t cpus;
   if (job.labels || job.first().native || job.first().frames > 1 || sched_getaffinity(0, sizeof cpus, &cpus) != 0)
@@ -77,7 +77,7 @@ static size_t count_workers(const Job &job) {
   return std::min({size_t(CPU_COUNT(&cpus)), size_t(8), size_t(job.desc.dims[2])});
 }
 
-// False where the system gives no thread: the work is done without.
+// False if no thread could be created; the caller then does the work itself.
 static bool start(std::vector<std::thread> &threads, Worker &worker, Job &job, size_t from, size_t to) {
   try {
     threads.emplace_back(&Worker::run, &worker, std::ref(job), from, to);
@@ -87,7 +87,7 @@ static bool start(std::vector<std::thread> &threads, Worker &worker, Job &job, s
   }
 }
 
-// Decodes and sends layer after layer, as many at a time as there are workers, in order.
+// Decodes one layer per worker at a time and sends them in order.
 static void send_voxels(const Run &run, Job &job) {
   std::vector<std::unique_ptr<Worker>> workers;
   size_t layers = size_t(job.desc.dims[2]), count = count_workers(job), item = 0;
@@ -112,13 +112,13 @@ static void send_voxels(const Run &run, Job &job) {
   }
 }
 
-// Layers mixed from the two slices around them: slices come once each, in order.
+// Sends layers interpolated from the two nearest slices; each slice is decoded once, in order.
 static void send_mixed(const Run &run, Job &job) {
   const size_t bytes = layer_bytes(job),
                count = size_t(job.desc.dims[0]) * size_t(job.desc.dims[1]) * (job.colors ? 3 : 1);
   Decoder decoder(run.sources);
   std::vector<uint8_t> below(bytes), above(bytes), out(bytes);
-  size_t held = 0; // the slice in `below`; the next is in `above`
+  size_t held = 0; // index of the slice in `below`; `above` holds the next
   make_layer(job, decoder, 0, 1, below.data());
   make_layer(job, decoder, 1, 2, above.data());
   for (int z = 0; z < job.desc.dims[2]; z++) {

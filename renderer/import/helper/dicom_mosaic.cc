@@ -1,4 +1,4 @@
-// Siemens mosaics: many slices side by side in one picture, which a private header counts and places.
+// Siemens mosaics: slices side by side in one picture; a private header gives their number and geometry.
 #include <cmath>
 #include <cstring>
 
@@ -9,15 +9,15 @@ extern "C" {
 
 namespace dicom {
 
-// What a Siemens mosaic says of itself in its CSA header ("SV10", as of software VB): number and normal of its slices.
+// Number and normal of the slices of a Siemens mosaic, from its CSA header ("SV10", since software VB).
 struct Mosaic {
   double images = 0, normal[3] = {0, 0, 0};
-  int parts = 0; // of the normal
+  int parts = 0; // components of the normal read so far
 };
 
-// One element's values, texts of the lengths that stand before them; those up to `most` become numbers.
+// Reads the values of one element, texts with their lengths in front; up to `most` become numbers.
 static int read_csa_values(tc_reader &r, double *out, int most) {
-  tc_reader_seek(&r, r.at + 4 + 4 + 4); // number of values as it may be, type, type again
+  tc_reader_seek(&r, r.at + 4 + 4 + 4); // multiplicity, type, type again
   const uint32_t items = tc_reader_u32(&r);
   int found = 0;
   tc_reader_u32(&r);
@@ -58,8 +58,8 @@ static Mosaic read_csa(const DataSet &set) {
   return m;
 }
 
-// A mosaic becomes its slices. Its position is that of a picture of the mosaic's size around the first slice's centre
-// (as dcm2niix and nibabel read it too).
+// Divides a mosaic into its slices. Its position is that of a picture of the mosaic's size around the first slice's
+// centre (dcm2niix and nibabel agree).
 void unfold_mosaic(const DataSet &set, Picture &p) {
   const Mosaic m = read_csa(set);
   const tc_dicom_slice whole = p.slices[0];

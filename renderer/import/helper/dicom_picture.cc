@@ -12,7 +12,7 @@
 
 namespace dicom {
 
-// Y Cb Cr that JPEG 2000 made of RGB comes out of its decoder as RGB.
+// JPEG 2000 decoders convert their Y Cb Cr to RGB.
 tc_dicom_colour colour_of(const std::string &photometric) {
   if (photometric.compare(0, 11, "YBR_PARTIAL") == 0)
     fail(TC_ERROR_UNSUPPORTED, "colours of partial range (YBR_PARTIAL) are not read; export the pictures as RGB");
@@ -35,13 +35,13 @@ static void read_samples(const DataSet &set, Picture &p) {
   if (s.per_pixel >= 3) s.colour = colour_of(photometric);
 }
 
-// NumberOfFrames, checked against what the bytes can hold, so that no list is made for frames that cannot be there.
+// NumberOfFrames, limited by the file's bytes, so that no list is made for frames that cannot exist.
 static void read_frames(const DataSet &set, const gdcm::TransferSyntax &syntax, size_t bytes, Picture &p) {
   std::string text = text_of(set, Tag(0x28, 0x08));
   char *end = nullptr;
   long long frames = text.empty() ? 1 : strtoll(text.c_str(), &end, 10);
   if (end && *end && *end != '\\') fail(TC_ERROR_FORMAT, "NumberOfFrames is not a number");
-  if (frames < 1) frames = 1; // written by some for a single picture
+  if (frames < 1) frames = 1; // some writers put 0 into single pictures
   uint64_t room = syntax == gdcm::TransferSyntax::DeflatedExplicitVRLittleEndian ? uint64_t{bytes} * 1032 : bytes;
   uint64_t least = syntax.IsEncapsulated() ? 8 : std::max<uint64_t>(tc_dicom_frame_bytes(&p.samples), 1);
   if (p.samples.allocated == 1) least = std::max<uint64_t>(least - 1, 1);
@@ -53,7 +53,7 @@ static void read_frames(const DataSet &set, const gdcm::TransferSyntax &syntax, 
   p.frames = static_cast<uint32_t>(frames);
 }
 
-// Weight and dose stay in here: only their quotient leaves.
+// Weight and dose stay in this function: only their quotient leaves it.
 static void read_suv(const DataSet &set, Picture &p) {
   Nested drug = item_of(set, Tag(0x54, 0x16));
   if (p.modality != "PT") return;
@@ -93,10 +93,10 @@ static std::string day_of(const std::string &text) {
   return text.substr(0, 4) + "-" + text.substr(4, 2) + "-" + text.substr(6);
 }
 
-// What a radiologist knows a series by. Whose it is, and the day, leave only where they were asked for.
+// Reads description and time of the series. Patient and date leave the helper only on request.
 static void read_description(const DataSet &set, Picture &p, bool patient) {
   p.description = words_of(set, set, Tag(0x08, 0x103e));
-  for (uint16_t element : {0x31, 0x32, 0x33, 0x30}) // of the series, acquisition, content, study
+  for (uint16_t element : {0x31, 0x32, 0x33, 0x30}) // of series, acquisition, content, study
     if (p.time.empty()) p.time = clock_of(text_of(set, Tag(0x08, element)));
   if (!patient) return;
   for (uint16_t element : {0x21, 0x22, 0x23, 0x20})
@@ -106,7 +106,7 @@ static void read_description(const DataSet &set, Picture &p, bool patient) {
   if (!number.empty()) p.patient += (p.patient.empty() ? "" : " ") + ("(" + number + ")");
 }
 
-// The table that samples are looked up in instead of being scaled: PS3.3, C.11.1.
+// Reads a modality look-up table, which replaces slope and intercept: PS3.3, C.11.1.
 static void read_lookup(const DataSet &set, Picture &p) {
   Nested lookup = item_of(set, Tag(0x28, 0x3000));
   if (!lookup.set || p.samples.per_pixel != 1) return;
@@ -134,7 +134,7 @@ static void read_labels(const DataSet &set, Picture &p) {
   p.mosaic = text_of(set, Tag(0x08, 0x08)).find("MOSAIC") != std::string::npos;
 }
 
-// Which of the three pixel elements there is; the header pass stops before it and sees none, so the sample size tells.
+// Tag of the pixel element. The header pass stops before it, so the sample size decides among the three tags.
 static Tag pixel_tag(const DataSet &set, const Picture &p) {
   bool has_stored = set.FindDataElement(Tag(0x28, 0x101));
   if (p.samples.allocated == 64 && !has_stored) return Tag(0x7fe0, 0x0009);
@@ -151,8 +151,9 @@ static Tag pixel_tag(const DataSet &set, const Picture &p) {
   fail(TC_ERROR_FORMAT, "the DICOM header is damaged or cut");
 }
 
-// Whether the items of packed pixels reach the mark at their end, or where it is missing are a table of offsets and one
-// for each frame. GDCM takes a file that ends between two for whole, and the last of them for all that miss.
+// Whether the fragments of encapsulated pixels end with the delimiter or, without one, consist of an offset table and
+// one fragment for each frame. GDCM accepts a file that ends between two fragments, and repeats the last for missing
+// ones.
 static bool items_are_there(const uint8_t *bytes, size_t at, size_t size, Picture &p) {
   size_t count = 0;
   while (size - at >= 8) {
@@ -168,8 +169,8 @@ static bool items_are_there(const uint8_t *bytes, size_t at, size_t size, Pictur
   return count == size_t{1} + p.frames;
 }
 
-// Whether pixels that begin at `at` are all there: one cut file of a series is then left out like one that
-// cannot be read at all, and not found out half-way.
+// Whether all pixels from `at` on are in the file: a truncated file of a series is then skipped like an unreadable
+// one, not discovered half-way.
 static bool pixels_are_there(Picture &p, bool packed, std::streamoff at, const tc_dicom_blob &blob) {
   const size_t size = blob.size;
   if (packed) return at < 0 || items_are_there(blob.bytes, std::min<uint64_t>(at, size), size, p);
@@ -186,7 +187,7 @@ bool read_picture(const tc_dicom_blob &blob, size_t source, bool patient, Pictur
   std::set<Tag> skip = {Tag(0x7fe0, 0x0008), Tag(0x7fe0, 0x0009), Tag(0x7fe0, 0x0010)};
   reader.SetStream(stream);
   set_allocation_cap(justified_allocation(
-      blob.size, 64)); // deflated headers shrink well; what is left over is the process limit's to stop
+      blob.size, 64)); // deflated headers shrink well; the process limit stops larger ones
   bool ok = guarded([&] { return reader.ReadUpToTag(Tag(0x7fe0, 0x0010), skip); });
   if (!ok) fail_header(reader.GetFile().GetHeader());
   const DataSet &set = reader.GetFile().GetDataSet();
@@ -196,7 +197,7 @@ bool read_picture(const tc_dicom_blob &blob, size_t source, bool patient, Pictur
   read_description(set, p, patient);
   if (p.modality == "RTSTRUCT") return read_contours(set, p), true;
   read_samples(set, p);
-  if (p.modality == "SEG") p.palette = false; // its samples are labels
+  if (p.modality == "SEG") p.palette = false; // samples of a segmentation are labels
   if (p.samples.rows == 0 || p.samples.columns == 0 || p.samples.allocated == 0) return false;
   read_lookup(set, p);
   p.pixels = pixel_tag(set, p);
@@ -216,7 +217,7 @@ bool read_picture(const tc_dicom_blob &blob, size_t source, bool patient, Pictur
   if (syntax == gdcm::TransferSyntax::DeflatedExplicitVRLittleEndian) {
     uint64_t at = uint64_t{144} + binary_of<uint32_t>(reader.GetFile().GetHeader(), Tag(0x0002, 0x0000), 0);
     if (at >= blob.size) fail(TC_ERROR_FORMAT, "the DICOM header is damaged or cut");
-    p.deflated_at = at; // preamble and mark, the group length's own 12 bytes, the group
+    p.deflated_at = at; // preamble and mark, the 12 bytes of the group length, the group
   }
   if (binary_of<uint32_t>(set, Tag(0x48, 0x06), 0) > static_cast<uint32_t>(p.samples.columns))
     fail(TC_ERROR_UNSUPPORTED, "tiles of a whole-slide picture are no volume");

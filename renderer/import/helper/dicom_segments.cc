@@ -1,4 +1,4 @@
-// Segments of a segmentation and regions of a set of structures: names, colours, contours.
+// Segments of segmentations and regions of structure sets: names, colours, contours.
 #include <algorithm>
 #include <cmath>
 #include <cstring>
@@ -9,8 +9,8 @@
 
 namespace dicom {
 
-// CIE L*a*b* of the profile connection space (D50), as 16-bit numbers, to sRGB (PS3.3, C.10.7.1.1; ICC.1, sRGB's matrix
-// adapted to D50).
+// Converts CIE L*a*b* of the profile connection space (D50), as 16-bit numbers, to sRGB (PS3.3, C.10.7.1.1; ICC.1,
+// sRGB's matrix adapted to D50).
 static void rgb_of_lab(const uint16_t lab[3], float rgb[3]) {
   static const double white[3] = {0.9642, 1.0, 0.8249}, matrix[3][3] = {{3.1338561, -1.6168667, -0.4906146},
                                                                         {-0.9787684, 1.9161415, 0.0334540},
@@ -48,10 +48,10 @@ void read_segments(const DataSet &set, Picture &p) {
   }
 }
 
-// Regions of interest, each of closed contours in planes: PS3.3, C.8.8.5 and C.8.8.6.
+// Reads regions of interest, each with closed planar contours: PS3.3, C.8.8.5 and C.8.8.6.
 void read_contours(const DataSet &set, Picture &p) {
   Items regions = items_of(set, Tag(0x3006, 0x20)), drawn = items_of(set, Tag(0x3006, 0x39));
-  std::map<long, uint32_t> labels; // by number of the region
+  std::map<long, uint32_t> labels; // by the region's number
   for (size_t i = 1; regions && i <= regions->GetNumberOfItems(); i++) {
     const DataSet &item = regions->GetItem(i).GetNestedDataSet();
     tc_segment s{};

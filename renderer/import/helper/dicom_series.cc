@@ -19,7 +19,7 @@ void progress(const Run &run, double fraction) {
   if (!run.order.goes_on(run.order.user, std::min(fraction, 1.0), &error)) fail_with(error);
 }
 
-// One source's header into the run; a bad file among many is counted, a bad only file is the error.
+// Reads one source's header into the run. A bad file among many is counted; a single bad file is the error.
 static void scan_one(Run &run, size_t i) {
   tc_dicom_blob blob{};
   GError *error = nullptr;
@@ -61,8 +61,8 @@ void scan(Run &run, int input) {
 }
 
 std::vector<Series> series_of(const Run &run) {
-  std::map<std::tuple<int, std::string, size_t>, Series> sorted; // every set of structures is one of its own
-  std::map<std::string, int> numbers;                            // the number of a series is its first picture's
+  std::map<std::tuple<int, std::string, size_t>, Series> sorted; // each structure set is a series
+  std::map<std::string, int> numbers;                            // the number of a series is that of its first picture
   for (const Picture *p : run.pictures) {
     int number = numbers.emplace(p->series, p->series_number).first->second;
     Series &s = sorted[std::make_tuple(number, p->series, p->contours.empty() ? 0 : p->source + 1)];
@@ -118,7 +118,7 @@ void list(const Run &run) {
     line.rows = p.samples.rows;
     line.columns = p.samples.columns;
     line.volume = 1;
-    if (s.frames == 0) { // structures
+    if (s.frames == 0) { // a structure set
       snprintf(line.what, sizeof line.what, "%zu regions", p.segments.size());
       if (sent++ < TC_WIRE_SERIES_MAX && !tc_wire_send_series(TC_HELPER_SOCKET_FD, &line)) _exit(1);
       continue;

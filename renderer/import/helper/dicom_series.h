@@ -1,4 +1,4 @@
-// Pictures sorted into series: headers of all files are read, series are listed, and one is chosen.
+// Sorts pictures into series: headers of all files are read, series are listed, and one is chosen.
 #ifndef TC_DICOM_SERIES_H
 #define TC_DICOM_SERIES_H
 
@@ -17,7 +17,7 @@ struct Run {
   const tc_order &order;
   const tc_helper_request &request;
   tc_dicom_sources sources{};
-  std::vector<Picture *> pictures; // owned; pointers, so that a large folder is not moved about
+  std::vector<Picture *> pictures; // owned; pointers, so that a growing list does not move the pictures
   size_t unreadable = 0;
   Run(const tc_order &out, const tc_helper_request &wanted) : order(out), request(wanted) {}
   ~Run() {
@@ -28,12 +28,12 @@ struct Run {
 };
 
 void progress(const Run &run, double fraction);
-void scan(Run &run, int input); // headers of all files
-// Series in the order they are listed: by series number, then by UID.
+void scan(Run &run, int input); // reads the headers of all files
+// Series sorted by series number, then by UID.
 std::vector<Series> series_of(const Run &run);
-void list(const Run &run); // sends a line for every volume of every series
+void list(const Run &run); // sends a message for every volume of every series
 
-// What follows the '#' of a path: "2", "UID", "volume=3", or "2#volume=3".
+// The text after the '#' of a path: "2", "UID", "volume=3", or "2#volume=3".
 struct Choice {
   std::string series;
   unsigned volume = 0;

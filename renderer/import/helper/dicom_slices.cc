@@ -1,5 +1,4 @@
-// Geometry and scale of every frame of one file: from the attributes of its header, from functional groups, or spread
-// along the normal.
+// Geometry and scale of each frame of a file: from its header, from functional groups, or spaced along the normal.
 #include <algorithm>
 #include <cmath>
 
@@ -7,7 +6,7 @@
 
 namespace dicom {
 
-// A usable orientation has two unit vectors at right angles; rounding is taken out, anything worse is as none.
+// A usable orientation has two orthogonal unit vectors; rounding is corrected, anything worse counts as missing.
 static bool read_orientation(const DataSet &set, double *o) {
   double v[6];
   if (!read_vector(set, Tag(0x20, 0x37), v, 6)) return false;
@@ -34,7 +33,7 @@ static bool read_orientation(const DataSet &set, double *o) {
 static bool read_spacing(const DataSet &set, Tag tag, double *spacing) {
   double v[2];
   if (!read_vector(set, tag, v, 2) || !(v[0] > 1e-6 && v[0] < 1e6 && v[1] > 1e-6 && v[1] < 1e6)) return false;
-  spacing[0] = v[1]; // the file gives the distance between rows (y) first
+  spacing[0] = v[1]; // DICOM gives the distance between rows (y) first
   spacing[1] = v[0];
   return true;
 }
@@ -63,7 +62,7 @@ static void read_window(const DataSet &set, Picture &p) {
   p.window_width = width;
 }
 
-// One item of the functional groups (shared or of a frame) laid over a slice.
+// Applies one item of the functional groups (shared or per frame) to a slice.
 static void read_groups(const DataSet &item, Picture &p, tc_dicom_slice &s, Scale &scale) {
   Nested position = item_of(item, Tag(0x20, 0x9113)), plane = item_of(item, Tag(0x20, 0x9116)),
          measures = item_of(item, Tag(0x28, 0x9110)), values = item_of(item, Tag(0x28, 0x9145)),
@@ -83,7 +82,8 @@ static void read_groups(const DataSet &item, Picture &p, tc_dicom_slice &s, Scal
   if (segment.set) s.segment = binary_of<uint16_t>(*segment.set, Tag(0x62, 0x0b), 0);
 }
 
-// Files with several frames but no functional groups: frames advance along the normal by the offsets or spacing given.
+// Multi-frame files without functional groups: frames advance along the normal by the offsets or spacing in the
+// header.
 static void spread_frames(const DataSet &set, Picture &p) {
   std::vector<double> offsets = numbers_of(set, Tag(0x3004, 0x0c));
   tc_dicom_slice first = p.slices[0];
@@ -93,7 +93,7 @@ static void spread_frames(const DataSet &set, Picture &p) {
   double normal[3] = {o[1] * o[5] - o[2] * o[4], o[2] * o[3] - o[0] * o[5], o[0] * o[4] - o[1] * o[3]};
   bool known = offsets.size() == p.frames;
   p.cine = !known && first.between == 0 && set.FindDataElement(Tag(0x18, 0x1063));
-  if (!first.has_position && !p.cine) return; // a plain stack, in its turn
+  if (!first.has_position && !p.cine) return; // a stack without positions, sorted by turn
   double step = p.cine ? 0 : first.between != 0 ? first.between : first.thickness;
   for (uint32_t f = 0; f < p.frames; f++) {
     double along = known ? offsets[f] - offsets[0] : f * step;
@@ -103,7 +103,7 @@ static void spread_frames(const DataSet &set, Picture &p) {
   }
 }
 
-// Everything of the header a slice can have, shared by all frames.
+// Attributes of the header that apply to all frames.
 static tc_dicom_slice common_slice(const DataSet &set, const Picture &p) {
   tc_dicom_slice s{};
   s.source = static_cast<uint32_t>(p.source);
@@ -114,7 +114,7 @@ static tc_dicom_slice common_slice(const DataSet &set, const Picture &p) {
   s.fractional = p.fractional;
   read_keys(set, s);
   read_geometry(set, s);
-  Nested detector = item_of(set, Tag(0x54, 0x22)); // nuclear medicine keeps position and orientation here
+  Nested detector = item_of(set, Tag(0x54, 0x22)); // nuclear medicine stores position and orientation here
   if (detector.set && !s.has_position) read_geometry(*detector.set, s);
   if (!s.has_spacing) s.has_spacing = read_spacing(set, Tag(0x18, 0x1164), s.spacing);
   return s;

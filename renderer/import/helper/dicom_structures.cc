@@ -1,4 +1,4 @@
-// Sets of structures (RTSTRUCT): contours filled on the grid of the series that they were drawn on.
+// Structure sets (RTSTRUCT): fills contours on the grid of the series that they were drawn on.
 #include <algorithm>
 #include <cstdio>
 
@@ -6,7 +6,8 @@
 
 namespace dicom {
 
-// The grid of the series that contours were drawn on, where it lies beside them; else one of their own planes.
+// Uses the grid of the series that the contours were drawn on if it is among the input, else a grid from the
+// contours' planes.
 static void grid_for(const std::vector<Series> &all, const Picture &p, const tc_dicom_contours &contours,
                      tc_volume_desc &d) {
   GError *error = nullptr;
@@ -57,7 +58,7 @@ void load_structures(const Run &run, const std::vector<Series> &all, const Pictu
   std::vector<uint16_t> labels(size_t(d.dims[0]) * size_t(d.dims[1]));
   job.labels = true;
   tc_overlaps_init(&job.overlaps, static_cast<uint32_t>(p.segments.size()));
-  for (int z = 0; z < d.dims[2]; z++) { // which combinations there are says how wide voxels are
+  for (int z = 0; z < d.dims[2]; z++) { // the combinations that occur determine the voxel type
     tc_dicom_contours_fill(&contours, &d, z, &job.overlaps, labels.data());
     progress(run, 0.2 + 0.4 * double(z) / d.dims[2]);
   }

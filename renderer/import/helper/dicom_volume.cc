@@ -56,7 +56,7 @@ void apply_suv(Job &job) {
   tc_dicom_note(job.desc.note, "SUV by body weight");
 }
 
-// 32-bit and wider integers: what they hold decides how they are kept (the storage rule of import.h).
+// Storage type of 32-bit and wider integers by their range (the storage rule of import.h).
 static tc_voxel_type narrow_type(const Job &job, const Run &run) {
   Decoder decoder(run.sources);
   double lo = INFINITY, hi = -INFINITY;
@@ -71,7 +71,7 @@ static tc_voxel_type narrow_type(const Job &job, const Run &run) {
   return TC_F32;
 }
 
-// The smallest type that holds the samples of every picture taken (a series may mix depths and signs).
+// The smallest type that holds the samples of all pictures of the volume (a series may mix depths and signs).
 static tc_voxel_type common_type(const Job &job) {
   bool narrow_signed = false, wide_signed = false, wide = false;
   for (size_t i = 0; i < job.stack.count; i++) {
@@ -88,7 +88,7 @@ static tc_voxel_type common_type(const Job &job) {
   return wide ? TC_F32 : wide_signed ? TC_I16 : TC_I8;
 }
 
-// Some picture is in colour, and all have samples of at most 16 bits.
+// Whether a picture is in colour and all samples have at most 16 bits.
 static bool in_color(const Job &job) {
   bool any = false, narrow = true;
   for (size_t i = 0; i < job.stack.count; i++) {

@@ -10,9 +10,8 @@
 #include <cstring>
 #include <new>
 
-// GDCM allocates what an element's length announces before it reads a byte of it. One allocation may therefore not be
-// larger than the bytes at hand can justify; the cap is set for each file. Codecs in C use malloc and the process
-// limit.
+// GDCM allocates the length that an element announces before it reads a byte of it. A single allocation is therefore
+// limited by the bytes of the file; the cap is set for each file. Codecs in C use malloc and the process limit.
 static thread_local size_t cap = SIZE_MAX;
 
 [[gnu::noinline]] void *operator new(size_t size) {
@@ -28,9 +27,10 @@ static thread_local size_t cap = SIZE_MAX;
 extern "C" const char *__asan_default_options() { return "detect_leaks=0:allocator_may_return_null=1"; }
 #endif
 
-// Debian builds GDCM with its assertions on, and damaged files trip them. One bad file of a folder must not end the
-// run, so an assertion jumps out of GDCM (an exception cannot pass: its callers are compiled as if the call never
-// returned). What GDCM held is leaked, within the process limits. Assertions are armed within guarded() only.
+// Debian builds GDCM with assertions, and damaged files trigger them. One bad file of a folder must not end the run,
+// so an assertion jumps out of GDCM by longjmp (an exception cannot pass, because its callers are compiled as if the
+// call never returned). GDCM's memory is leaked, within the process limits. Assertions are handled only inside
+// guarded().
 static thread_local jmp_buf assertion_exit;
 static thread_local bool assertion_armed = false;
 
