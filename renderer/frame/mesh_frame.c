@@ -41,6 +41,7 @@ bool tc_mesh_frame_draw(tc_pool *pool, const tc_frame_job *job, GError **error) 
   tc_mesh_job_end(&drawn);
   job->frame->stats.samples += counts.covered;
   if (job->key.shading) job->frame->stats.gradients += counts.shaded;
+  job->frame->stats.hidden += counts.hidden, job->frame->stats.shaded += counts.shaded;
   job->frame->stats.leaps += counts.outside + counts.facing_away + counts.hidden;
   int64_t rows = 0;
   f.progress->done = 0;

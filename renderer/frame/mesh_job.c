@@ -7,6 +7,7 @@
 #include "renderer/classify/transfer.h"
 #include "renderer/mesh/levels.h"
 #include "renderer/mesh/pick.h"
+#include "renderer/mesh/sight.h"
 #include "renderer/raycast/mpr.h"
 #include "renderer/raycast/shading.h"
 
@@ -109,10 +110,22 @@ static void label_color(const tc_frame_job *job, uint32_t label, float color[3])
   for (int c = 0; c < 3; c++) color[c] = e[3] > 0 ? e[c] / e[3] : job->plan->surface.color[c];
 }
 
+/* A part's entry in the scene's list; NULL without a list. */
+static const tc_mesh_surface *item_of(const tc_scene *scene, size_t part) {
+  const tc_mesh_surface *item = scene->mesh.surfaces, *end = item + scene->mesh.n_surfaces;
+  for (; item < end; item++)
+    if (tc_mesh_surface_shows(item) && part-- == 0) return item;
+  return NULL;
+}
+
 /* item: the part's entry in the scene's list, or NULL. closed: if opaque, its back faces are never visible. */
+static bool is_one_sided(const tc_mesh_surface *item, bool closed) {
+  return (closed && !(item && item->opacity < 1)) || (item && !item->two_sided);
+}
+
 static tc_raster_surface surface_of(const tc_frame_job *job, const tc_part *part, const tc_mesh_surface *item, bool closed) {
   tc_raster_surface s = {.opacity = item ? (float)item->opacity : 1, .textured = part->of.kind == TC_SURFACE_OF_PLANE};
-  s.one_sided = (closed && s.opacity == 1) || (item && !item->two_sided);
+  s.one_sided = is_one_sided(item, closed);
   if (item && item->has_color)
     to_compositing_space(job->scene, item->color, s.color);
   else if (part->of.kind == TC_SURFACE_OF_LABEL)
@@ -133,14 +146,12 @@ static void set_channels(tc_mesh_job *m, const tc_scene *scene) {
  * it. */
 static bool set_surfaces(tc_mesh_job *m, const tc_frame_job *job, bool from_outside) {
   const tc_clusters *mesh = job->have.mesh;
-  const tc_mesh_surface *item = job->scene->mesh.surfaces, *end = item + job->scene->mesh.n_surfaces;
   m->surfaces = calloc(mesh->n_parts, sizeof *m->surfaces);
   m->looks = calloc(job->scene->mesh.n_surfaces + 1, sizeof *m->looks);
   if (!m->surfaces || !m->looks) return false;
   m->looks[0] = look_of(job, &m->view, NULL), m->n_looks = 1;
   for (size_t i = 0; i < mesh->n_parts; i++) {
-    while (item < end && !tc_mesh_surface_shows(item)) item++;
-    const tc_mesh_surface *own = item < end ? item++ : NULL;
+    const tc_mesh_surface *own = item_of(job->scene, i);
     m->surfaces[i] = surface_of(job, &mesh->parts[i], own, from_outside && mesh->parts[i].closed);
     if (m->surfaces[i].colored) set_channels(m, job->scene);
     if (!own || !own->own_shading) continue;
@@ -161,13 +172,32 @@ static int planes_of(const tc_scene *scene, double planes[TC_VIEW_MOST_CLIP][4])
   return n;
 }
 
-size_t tc_mesh_triangles(const tc_clusters *mesh, const tc_plan *plan, const tc_scene *scene) {
-  uint8_t *levels = malloc(mesh->n_groups + 1);
+void tc_mesh_count(const tc_clusters *mesh, const tc_plan *plan, const tc_scene *scene, tc_facts *facts) {
+  const double slack = tc_sight_slack(mesh);
+  double planes[TC_VIEW_MOST_CLIP][4];
+  uint8_t *levels = calloc(mesh->n_groups + 1, 1);
+  bool *one_sided = calloc(mesh->n_parts + 1, sizeof *one_sided), away;
   tc_mesh_view view;
   tc_mesh_view_set_up(&view, mesh, &scene->camera, plan->width, plan->height);
-  const size_t n = levels ? tc_levels_choose(mesh, &view, plan->mesh_pixels, levels) : 0;
-  free(levels);
-  return n;
+  const int n_planes = planes_of(scene, planes);
+  tc_mesh_view_clip(&view, mesh, (const double(*)[4])planes, n_planes);
+  if (levels && one_sided) {
+    if (mesh->n_groups) {
+      facts->triangles = tc_levels_choose(mesh, &view, plan->mesh_pixels, levels);
+      facts->triangles_in_full = tc_clusters_in_full(mesh);
+    }
+    const bool from_outside = n_planes == 0 && tc_mesh_view_is_outside(&view, mesh);
+    for (size_t i = 0; i < mesh->n_parts; i++)
+      one_sided[i] = is_one_sided(item_of(scene, i), from_outside && mesh->parts[i].closed);
+    for (size_t i = 0; i < mesh->n; i++) {
+      const tc_cluster *k = &mesh->clusters[i];
+      if (mesh->n_groups && k->level != levels[k->group]) continue;
+      const tc_sight s = tc_sight_of(&view, k, slack, one_sided[k->part], &away);
+      facts->clusters++;
+      if (s.x1 < s.x0) *(away ? &facts->facing_away : &facts->outside) += 1;
+    }
+  }
+  free(levels), free(one_sided);
 }
 
 bool tc_mesh_job_begin(tc_mesh_job *m, const tc_frame_job *job, GError **error) {
@@ -209,13 +239,6 @@ void tc_mesh_job_end(tc_mesh_job *m) { free(m->surfaces), free(m->looks), free(m
 /* Picking ignores surfaces of lower opacity, as it ignores faint haze in dvr. */
 #define LEAST_OPACITY 0.05
 
-/* Index of a part in the scene's list; -1: not in the list. */
-static int place_of(const tc_scene *scene, size_t part) {
-  for (size_t i = 0; i < scene->mesh.n_surfaces; i++)
-    if (tc_mesh_surface_shows(&scene->mesh.surfaces[i]) && part-- == 0) return (int)i;
-  return -1;
-}
-
 bool tc_mesh_job_pick(const tc_frame_job *job, tc_pick *pick, GError **error) {
   tc_mesh_job m;
   tc_mesh_hit hit;
@@ -228,7 +251,8 @@ bool tc_mesh_job_pick(const tc_frame_job *job, tc_pick *pick, GError **error) {
   double index[3];
   memcpy(pick->position, hit.position, sizeof pick->position);
   pick->distance_mm = hit.distance_mm;
-  pick->surface = place_of(job->scene, hit.part);
+  const tc_mesh_surface *item = item_of(job->scene, hit.part);
+  if (item) pick->surface = (int)(item - job->scene->mesh.surfaces);
   if (of->kind == TC_SURFACE_OF_VALUE) pick->value = of->iso;
   if (of->kind == TC_SURFACE_OF_LABEL) pick->label = of->label;
   tc_volume_lps_to_index(job->source, hit.position, index);

@@ -30,8 +30,9 @@ size_t tc_mesh_sources(const tc_frame_job *job, tc_mesh_source *of);
 bool tc_mesh_job_begin(tc_mesh_job *m, const tc_frame_job *job, GError **error); /* TC_ERROR_MEMORY */
 void tc_mesh_job_end(tc_mesh_job *m);
 
-/* Number of triangles that the plan draws of a mesh with levels of detail; 0: out of memory. */
-size_t tc_mesh_triangles(const tc_clusters *mesh, const tc_plan *plan, const tc_scene *scene);
+/* Counts, without drawing, what the plan draws of a mesh: triangles and triangles_in_full (0 without levels of detail),
+ * clusters, outside and facing_away. All are 0 if out of memory. */
+void tc_mesh_count(const tc_clusters *mesh, const tc_plan *plan, const tc_scene *scene, tc_facts *facts);
 
 /* Picks the mesh at pick->at of a picture of the job's size. TC_ERROR_MEMORY. */
 bool tc_mesh_job_pick(const tc_frame_job *job, tc_pick *pick, GError **error);

@@ -38,7 +38,6 @@ typedef struct within {
   float (*sum)[4], (*total)[4]; /* [pixels]: colour of the current ray; sum over earlier rays */
   float *clear, *most;   /* [pixels]: transparency so far; greatest grey so far, -1 before the ray meets the volume */
   tc_frame part;         /* picture of the volume's current part */
-  tc_raster_counts counts;
   int parts; /* composited parts of the current ray */
   atomic_bool more, too_many, no_memory;
 } within;
@@ -102,7 +101,9 @@ static bool find_layers(within *w, const tc_mesh_job *mesh, int ray, GError **er
   raster.pool = w->pool;
   raster.finished = w->tiles;
   GError *stopped = NULL;
-  const bool drawn = tc_raster_draw(&raster, &w->counts, &stopped), no_memory = atomic_load(&w->no_memory);
+  tc_raster_counts counts = {0};
+  const bool drawn = tc_raster_draw(&raster, &counts, &stopped), no_memory = atomic_load(&w->no_memory);
+  w->job->frame->stats.hidden += counts.hidden, w->job->frame->stats.shaded += counts.shaded;
   if (!no_memory && !atomic_load(&w->too_many)) {
     if (stopped) g_propagate_error(error, stopped);
     return drawn;

@@ -192,10 +192,8 @@ static bool collect(drawing *d, GError **error) {
 static void explain(drawing *d, bool by_stand_in, tc_explanation *to) {
   d->facts.key = d->job.key;
   const tc_clusters *mesh = d->job.have.mesh;
-  if (mesh && mesh->n_groups) {
-    d->facts.triangles = tc_mesh_triangles(mesh, &d->plan, d->job.scene);
-    d->facts.triangles_in_full = tc_clusters_in_full(mesh);
-  }
+  if (mesh) tc_mesh_count(mesh, &d->plan, d->job.scene, &d->facts);
+  if (d->stats) d->facts.hidden = d->stats->hidden, d->facts.shaded = d->stats->shaded;
   for (int i = 0; i < TC_RESOURCE_COUNT; i++)
     if (d->job.have.of[i]) d->facts.bytes[i] = tc_resource_kinds[i].bytes(d->job.have.of[i]);
   tc_plan_explain(&d->plan, d->job.source, d->job.scene, &d->facts, to);

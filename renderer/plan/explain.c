@@ -1,5 +1,6 @@
 #include "renderer/plan/explain.h"
 
+#include <inttypes.h>
 #include <stdarg.h>
 #include <stdio.h>
 #include <string.h>
@@ -376,6 +377,11 @@ static void say_mesh(const teller *t) {
   if (in && t->facts && t->facts->triangles_in_full)
     add(t, TC_STAGE_MESH, "; levels of detail within %.3g pixels: %zu of %zu triangles", t->plan->mesh_pixels,
         t->facts->triangles, t->facts->triangles_in_full);
+  if (in && t->facts && t->facts->clusters)
+    add(t, TC_STAGE_MESH, "; of %zu clusters %zu outside the view, %zu facing away", t->facts->clusters, t->facts->outside,
+        t->facts->facing_away);
+  if (in && t->facts && t->facts->shaded)
+    add(t, TC_STAGE_MESH, "; %" PRIu64 " hidden (once a tile), %" PRIu64 " pixels shaded", t->facts->hidden, t->facts->shaded);
 }
 
 static void add_resources(const teller *t) {

@@ -33,7 +33,7 @@ const char *tc_stage_name(tc_stage stage); /* "table-2d" ... */
 
 typedef struct tc_explained_stage {
   bool included;
-  char reason[280];
+  char reason[400];
   double ms;      /* tc_render(): wall time in that frame; tc_renderer_explain(): build time of its cached resources,
                      else 0 */
   uint64_t bytes; /* memory of its resources */
@@ -62,6 +62,8 @@ typedef struct tc_facts {
   const char *deaf;          /* the back end that cannot be interrupted in time, so that the cpu draws; else NULL ... */
   double deaf_ms, pixel_samples; /* ... milliseconds between its checks of the halt, and samples per pixel */
   size_t triangles, triangles_in_full; /* of the levels of detail drawn, and of the full mesh; 0 without levels */
+  size_t clusters, outside, facing_away; /* of a mesh: clusters of the levels drawn, and of these the culled ones */
+  uint64_t hidden, shaded;   /* tc_frame_stats, of a drawn frame; 0: unknown */
   const char *refused;       /* why the cpu draws a mode without rays instead of the back end; NULL: the back end
                                 draws */
   double ms[TC_RESOURCE_COUNT];

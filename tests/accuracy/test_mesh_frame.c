@@ -1,6 +1,8 @@
 /* Mode mesh against the surface itself (reference/): where it is seen, how far, how it is lit; and what must not matter. */
 #include "tests/support/test.h"
 
+#include <inttypes.h>
+
 #include "renderer/base/halt.h"
 #include "renderer/frame/mesh_job.h"
 #include "renderer/quality/meter.h"
@@ -96,6 +98,40 @@ TEST(every_renderer_draws_the_same_bytes) {
     if (!first) first = frame->rgba;
     assert_memory_equal(frame->rgba, first, 4 * PIXELS);
   }
+}
+
+/* The numbers of a plan's sentence "of N clusters N outside the view, N facing away"; hidden and shaded: 0 if not said. */
+static void read_counts(const tc_explanation *plan, size_t n[3], uint64_t *hidden, uint64_t *shaded) {
+  const char *reason = plan->stages[TC_STAGE_MESH].reason, *drawn = strstr(reason, "facing away; ");
+  const char *at = strstr(reason, "; of ");
+  *hidden = *shaded = 0;
+  assert_non_null(at);
+  assert_int_equal(sscanf(at, "; of %zu clusters %zu outside the view, %zu facing away", &n[0], &n[1], &n[2]), 3);
+  if (drawn)
+    assert_int_equal(sscanf(drawn, "facing away; %" SCNu64 " hidden (once a tile), %" SCNu64 " pixels shaded", hidden, shaded), 2);
+}
+
+TEST(the_plan_counts_what_is_left_out) {
+  const int which = test_widest();
+  g_autoptr(tc_volume) volume = waves(TC_U8);
+  g_auto(tc_scene) scene;
+  tc_explanation plan;
+  size_t n[3], all;
+  uint64_t hidden, shaded, covered = 0;
+  mesh_scene(&scene, volume, TC_PERSPECTIVE);
+  const tc_frame *frame = test_draw(which, volume, &scene, NULL, &plan);
+  read_counts(&plan, n, &hidden, &shaded);
+  for (int i = 0; i < PIXELS; i++) covered += frame->linear[4 * i + 3] > 0;
+  all = n[0];
+  assert_true(all > 0 && n[1] + n[2] < all && shaded > 0);
+  assert_true(shaded == covered); /* one sample: a pixel shows one triangle */
+  assert_true(frame->stats.leaps == n[1] + n[2] + hidden && frame->stats.hidden == hidden);
+  /* The other way: everything is outside, nothing is shaded. */
+  for (int k = 0; k < 3; k++) scene.camera.target[k] = 2 * scene.camera.position[k] - scene.camera.target[k];
+  frame = test_draw(which, volume, &scene, NULL, &plan);
+  read_counts(&plan, n, &hidden, &shaded);
+  assert_true(n[0] == all && n[1] + n[2] == all && n[1] > 0 && hidden == 0 && shaded == 0);
+  assert_true(frame->stats.gradients == 0 && frame->stats.samples == 0);
 }
 
 /* Once extracted a surface stays; another value or another volume has its own; where it is nowhere the picture is empty. */
