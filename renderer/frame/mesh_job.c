@@ -172,6 +172,44 @@ static int planes_of(const tc_scene *scene, double planes[TC_VIEW_MOST_CLIP][4])
   return n;
 }
 
+/* A label's smooth surface reaches beyond the label volume's outer voxels by less than this. */
+#define SMOOTH_REACH 4
+
+/* Whether a volume's box, `reach` voxels wider, is neither outside the view nor clipped. */
+static bool box_in_view(const tc_frame_job *job, const tc_volume *volume, double reach) {
+  const tc_volume_desc *d = tc_volume_describe(volume);
+  tc_clusters box = {0}; /* empty, with the box's centre and bounding sphere */
+  double corners[8][3], middle[3], planes[TC_VIEW_MOST_CLIP][4], radius = 0;
+  for (int k = 0; k < 3; k++) middle[k] = 0.5 * (d->dims[k] - 1);
+  tc_volume_index_to_lps(volume, middle, box.origin);
+  for (int c = 0; c < 8; c++) {
+    double index[3], apart = 0;
+    for (int k = 0; k < 3; k++) index[k] = c >> k & 1 ? d->dims[k] - 1 + reach : -reach;
+    tc_volume_index_to_lps(volume, index, corners[c]);
+    for (int k = 0; k < 3; k++) corners[c][k] -= box.origin[k], apart += corners[c][k] * corners[c][k];
+    radius = fmax(radius, sqrt(apart));
+  }
+  box.radius = (float)radius;
+  tc_mesh_view view;
+  tc_mesh_view_set_up(&view, &box, &job->scene->camera, job->plan->width, job->plan->height);
+  tc_mesh_view_clip(&view, &box, (const double(*)[4])planes, planes_of(job->scene, planes));
+  for (int p = 0; p < view.n_planes + 4; p++) {
+    const double *plane = p < 4 ? view.sides[p] : view.planes[p - 4];
+    if (p >= 4 + TC_VIEW_GUARD && p < 4 + TC_VIEW_CLIP) continue;
+    int outside = 0;
+    for (int c = 0; c < 8; c++) outside += tc_mesh_view_row(plane, corners[c]) < -1e-6 * radius;
+    if (outside == 8) return false;
+  }
+  return true;
+}
+
+bool tc_mesh_in_view(const tc_frame_job *job) {
+  for (size_t i = 0; i < job->scene->mesh.n_surfaces; i++)
+    if (job->scene->mesh.surfaces[i].source == TC_SURFACE_OF_MESH && tc_mesh_surface_shows(&job->scene->mesh.surfaces[i]))
+      return true;
+  return box_in_view(job, job->source, 0) || (job->label_volume && box_in_view(job, job->label_volume, SMOOTH_REACH));
+}
+
 void tc_mesh_count(const tc_clusters *mesh, const tc_plan *plan, const tc_scene *scene, tc_facts *facts) {
   const double slack = tc_sight_slack(mesh);
   double planes[TC_VIEW_MOST_CLIP][4];

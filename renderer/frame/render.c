@@ -192,6 +192,7 @@ static bool collect(drawing *d, GError **error) {
 static void explain(drawing *d, bool by_stand_in, tc_explanation *to) {
   d->facts.key = d->job.key;
   const tc_clusters *mesh = d->job.have.mesh;
+  d->facts.nothing_in_view = tc_plan_has(&d->plan, TC_RESOURCE_MESH) && !tc_mesh_in_view(&d->job);
   if (mesh) tc_mesh_count(mesh, &d->plan, d->job.scene, &d->facts);
   if (d->stats) d->facts.hidden = d->stats->hidden, d->facts.shaded = d->stats->shaded;
   for (int i = 0; i < TC_RESOURCE_COUNT; i++)

@@ -377,6 +377,8 @@ static void say_mesh(const teller *t) {
   if (in && t->facts && t->facts->triangles_in_full)
     add(t, TC_STAGE_MESH, "; levels of detail within %.3g pixels: %zu of %zu triangles", t->plan->mesh_pixels,
         t->facts->triangles, t->facts->triangles_in_full);
+  if (in && t->facts && t->facts->nothing_in_view)
+    add(t, TC_STAGE_MESH, "; the volume is outside the view or clipped: nothing is extracted");
   if (in && t->facts && t->facts->clusters)
     add(t, TC_STAGE_MESH, "; of %zu clusters %zu outside the view, %zu facing away", t->facts->clusters, t->facts->outside,
         t->facts->facing_away);
