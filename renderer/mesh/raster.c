@@ -356,76 +356,75 @@ static void add_depth(const drawing *d, worker *w, int x, int y, int sample, flo
   *nearest = fminf(*nearest, (float)depth);
 }
 
-/* Adds the triangles that a pixel's samples see, each once, at the mean of its samples, which lies inside the triangle. */
-static void add_pixel(drawing *d, worker *w, int x, int y) {
-  struct { uint32_t id; float n, offset[2]; } of[TC_RASTER_SAMPLES];
-  const int n_samples = d->job->n_samples;
-  int n = 0;
-  for (int s = 0; s < n_samples; s++) {
+/* What samples of a pixel see, triangle by triangle. share: in samples, opacity included. */
+typedef struct samples_seen {
+  int n;
+  struct { uint32_t id; float share, n, offset[2]; } of[TC_RASTER_SAMPLES];
+} samples_seen;
+
+static void see(const drawing *d, samples_seen *seen, uint32_t id, int sample, float share) {
+  const float *offset = d->frame.offset[sample];
+  int i = 0;
+  while (i < seen->n && seen->of[i].id != id) i++;
+  if (i == seen->n) memset(&seen->of[i], 0, sizeof seen->of[i]), seen->of[i].id = id, seen->n++;
+  seen->of[i].share += share, seen->of[i].n++;
+  for (int k = 0; k < 2; k++) seen->of[i].offset[k] += offset[k];
+}
+
+/* Adds each triangle once, at the mean of its samples, which lies inside the triangle. */
+static void add_seen(drawing *d, worker *w, int x, int y, const samples_seen *seen) {
+  for (int i = 0; i < seen->n; i++) {
+    const float n = seen->of[i].n, *offset = seen->of[i].offset;
+    add_fragment(d, w, x, y, (sighting){seen->of[i].id, seen->of[i].share / (float)d->job->n_samples, {offset[0] / n, offset[1] / n}});
+  }
+}
+
+/* clear: transparency of what each sample sees before; NULL: 1. */
+static void add_opaque_samples(drawing *d, worker *w, int x, int y, const float *clear) {
+  samples_seen seen = {.n = 0};
+  for (int s = 0; s < d->job->n_samples; s++) {
     const size_t at = ((size_t)s * TC_RASTER_SIDE + (size_t)y) * TC_RASTER_SIDE + (size_t)x;
     const uint32_t id = w->tile.id[at];
-    const float *offset = d->frame.offset[s];
-    int i = 0;
     if (id == TC_RASTER_NOTHING) continue;
-    if (d->job->want_depth) add_depth(d, w, x, y, s, w->tile.near[at]);
-    while (i < n && of[i].id != id) i++;
-    if (i == n) of[n].id = id, of[n].n = of[n].offset[0] = of[n].offset[1] = 0, n++;
-    of[i].n++, of[i].offset[0] += offset[0], of[i].offset[1] += offset[1];
+    if (d->job->want_depth && d->job->n_samples > 1) add_depth(d, w, x, y, s, w->tile.near[at]);
+    if (!clear || clear[s] >= SEEN_THROUGH) see(d, &seen, id, s, clear ? clear[s] : 1);
   }
-  for (int i = 0; i < n; i++) {
-    const float n = of[i].n;
-    add_fragment(d, w, x, y, (sighting){of[i].id, n / (float)n_samples, {of[i].offset[0] / n, of[i].offset[1] / n}});
-  }
+  add_seen(d, w, x, y, &seen);
 }
 
 static inline void add_opaque(drawing *d, worker *w, int x, int y) {
   const uint32_t id = w->tile.id[y * TC_RASTER_SIDE + x];
   if (d->job->n_samples > 1)
-    add_pixel(d, w, x, y);
+    add_opaque_samples(d, w, x, y, NULL);
   else if (id != TC_RASTER_NOTHING)
     add_fragment(d, w, x, y, (sighting){id, 1, {d->frame.offset[0][0], d->frame.offset[0][1]}});
 }
 
-/* Replaces nearness by each layer's share of the pixel, and `clear` by the remaining transparency of each sample. */
-static void share_out(const drawing *d, tc_raster_layer *of, size_t n, float clear[TC_RASTER_SAMPLES]) {
-  const float each = 1 / (float)d->job->n_samples;
-  for (int s = 0; s < d->job->n_samples; s++) clear[s] = 1;
-  for (size_t i = 0; i < n; i++) {
-    float *left = &clear[of[i].at / TC_RASTER_PIXELS];
-    const float opacity = surface_of(d, of[i].id / TC_CLUSTER_TRIANGLES)->opacity;
-    of[i].near = *left < SEEN_THROUGH ? 0 : *left * opacity * each;
-    *left *= 1 - opacity;
-  }
-}
-
-/* Shades a pixel with translucent layers, each triangle once. */
+/* Shades a pixel with translucent layers. Samples that see the same triangle as their first layer share its colour, then those
+ * that see it as their second, and so on: as layers drawn one after another can, so that gl gives the same picture. */
 static void add_layers(drawing *d, worker *w, int x, int y, tc_raster_layer *of, size_t n) {
   const int n_samples = d->job->n_samples;
   float clear[TC_RASTER_SAMPLES];
-  tc_raster_layer last[TC_RASTER_SAMPLES]; /* the opaque layer of each sample */
-  int n_last = 0;
-  const bool depths = n_samples > 1 && d->job->want_depth;
+  size_t next[TC_RASTER_SAMPLES], end[TC_RASTER_SAMPLES], left = n;
+  samples_seen seen;
   tc_raster_layers_by_depth(of, n);
-  for (size_t i = 0; i < n && depths; i++)
-    if (!i || of[i].at != of[i - 1].at) add_depth(d, w, x, y, (int)(of[i].at / TC_RASTER_PIXELS), of[i].near);
-  share_out(d, of, n, clear);
-  for (int s = 0; s < n_samples; s++) {
-    const uint32_t at = (uint32_t)((s * TC_RASTER_SIDE + y) * TC_RASTER_SIDE + x), id = w->tile.id[at];
-    if (id == TC_RASTER_NOTHING) continue;
-    if (depths) add_depth(d, w, x, y, s, w->tile.near[at]);
-    if (clear[s] >= SEEN_THROUGH)
-      last[n_last++] = (tc_raster_layer){at, id, clear[s] / (float)n_samples};
+  for (size_t s = 0, at = 0; s < (size_t)n_samples; s++) {
+    clear[s] = 1, next[s] = at;
+    while (at < n && of[at].at / TC_RASTER_PIXELS == s) at++;
+    end[s] = at;
+    if (n_samples > 1 && d->job->want_depth && next[s] < at) add_depth(d, w, x, y, (int)s, of[next[s]].near);
   }
-  if (n_samples > 1) tc_raster_layers_by_id(of, n), tc_raster_layers_by_id(last, (size_t)n_last);
-  for (int pass = 0; pass < 2; pass++, of = last, n = (size_t)n_last)
-    for (size_t i = 0, end; i < n; i = end) {
-      float share = 0, middle[2] = {0, 0}, seen = 0;
-      for (end = i; end < n && of[end].id == of[i].id; end++) {
-        const float *offset = d->frame.offset[of[end].at / TC_RASTER_PIXELS];
-        if (of[end].near > 0) share += of[end].near, seen++, middle[0] += offset[0], middle[1] += offset[1];
-      }
-      if (share > 0) add_fragment(d, w, x, y, (sighting){of[i].id, share, {middle[0] / seen, middle[1] / seen}});
+  for (; left; add_seen(d, w, x, y, &seen)) {
+    seen.n = 0;
+    for (int s = 0; s < n_samples; s++) {
+      if (next[s] == end[s]) continue;
+      const uint32_t id = of[next[s]++].id;
+      const float opacity = surface_of(d, id / TC_CLUSTER_TRIANGLES)->opacity;
+      if (clear[s] >= SEEN_THROUGH) see(d, &seen, id, s, clear[s] * opacity);
+      clear[s] *= 1 - opacity, left--;
     }
+  }
+  add_opaque_samples(d, w, x, y, clear);
 }
 
 /* Draws rows [y0, y1) of the tile with their layers. Returns false if halted before row w->rows. */

@@ -11,6 +11,7 @@
  * Translucent surfaces are drawn after the opaque surfaces of a tile. Their fragments in front of the opaque ones are kept
  * (triangle and nearness of each sample) and sorted for each pixel (Carpenter, The A-buffer, SIGGRAPH 1984): exact for any
  * number of layers. Each layer's share of a pixel follows from the opacities alone, so that hidden layers are never shaded.
+ * A triangle that is the first layer of one sample and the second of another is shaded once for each.
  *
  * Vertices are rounded to a 256th of a pixel. Coverage is decided in integers with the top-left rule, so that a sample on
  * an edge or a corner belongs to exactly one triangle and no sample between triangles is missed. The picture depends

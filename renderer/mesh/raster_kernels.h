@@ -76,8 +76,7 @@ extern const tc_raster_kernels tc_raster_scalar, tc_raster_avx2, tc_raster_avx51
 
 /* Sorts what was found into pixels: first[p] .. first[p + 1] of what is returned, which is behind what was found. */
 tc_raster_layer *tc_raster_layers_by_pixel(tc_raster_layers *layers, uint32_t first[TC_RASTER_PIXELS + 1]);
-/* A pixel's: sample by sample, the nearest first, of equal ones that of the first number; or by number. */
+/* A pixel's: sample by sample, the nearest first, of equal ones that of the first number. */
 void tc_raster_layers_by_depth(tc_raster_layer *of, size_t n);
-void tc_raster_layers_by_id(tc_raster_layer *of, size_t n);
 
 #endif

@@ -13,21 +13,16 @@ static int by_depth(const void *a, const void *b) {
   return (x->id > y->id) - (x->id < y->id);
 }
 
-static int by_id(const void *a, const void *b) {
-  const tc_raster_layer *x = a, *y = b;
-  return (x->id > y->id) - (x->id < y->id);
-}
-
 /* Most pixels have few. */
-static void sort_layers(tc_raster_layer *of, size_t n, int (*compare)(const void *, const void *)) {
+void tc_raster_layers_by_depth(tc_raster_layer *of, size_t n) {
   if (n > 32) {
-    qsort(of, n, sizeof *of, compare);
+    qsort(of, n, sizeof *of, by_depth);
     return;
   }
   for (size_t i = 1; i < n; i++) {
     const tc_raster_layer one = of[i];
     size_t at = i;
-    for (; at > 0 && compare(&of[at - 1], &one) > 0; at--) of[at] = of[at - 1];
+    for (; at > 0 && by_depth(&of[at - 1], &one) > 0; at--) of[at] = of[at - 1];
     of[at] = one;
   }
 }
@@ -41,6 +36,3 @@ tc_raster_layer *tc_raster_layers_by_pixel(tc_raster_layers *layers, uint32_t fi
   for (size_t i = layers->n; i-- > 0;) sorted[--first[layers->of[i].at % TC_RASTER_PIXELS]] = layers->of[i];
   return sorted;
 }
-
-void tc_raster_layers_by_depth(tc_raster_layer *of, size_t n) { sort_layers(of, n, by_depth); }
-void tc_raster_layers_by_id(tc_raster_layer *of, size_t n) { sort_layers(of, n, by_id); }

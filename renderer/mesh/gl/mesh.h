@@ -4,9 +4,7 @@
  * A tile is drawn once for each sample of a pixel, moved by the sample's place: samples lie exactly where the cpu has them.
  * Clusters outside the tile or facing away are not drawn. Translucent surfaces are peeled, layer by layer until there is
  * none, and added up nearest first. Slices sample the volume's texture. Pictures differ from the cpu's where rounding
- * decides: which of two triangles a sample on their edge belongs to, and which of two that lie at one depth is nearer. A
- * triangle that is another layer in one sample of a pixel than in another is shaded once a layer, in the middle of those
- * samples; by the cpu once, in the middle of all. */
+ * decides: which of two triangles a sample on their edge belongs to, and which of two that lie at one depth is nearer. */
 #ifndef TC_MESH_GL_MESH_H
 #define TC_MESH_GL_MESH_H
 
