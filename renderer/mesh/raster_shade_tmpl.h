@@ -64,9 +64,36 @@ V_INLINE void add_normal(const vf packed[2], vf weight, vf sum[3]) {
   for (int k = 0; k < 3; k++) sum[k] = sum[k] + weight * n[k];
 }
 
+/* How far along an edge, 0..1, is nearest to a point; both from the edge's start, in the plane. */
+V_INLINE vf along_edge(const vf at[2], const vf edge[2]) {
+  const vf square = v_max(edge[0] * edge[0] + edge[1] * edge[1], v_set(1e-30f));
+  return v_min(v_max((at[0] * edge[0] + at[1] * edge[1]) / square, v_set(0)), v_set(1));
+}
+
+/* Holds the weights b and c within the triangle, for samples were found with rounded corners: a part of a pixel is many times
+ * a needle's width. Takes the nearest point of an edge that the point is beyond, as seen along the ray. */
+V_INLINE void hold(const vf ab[3], const vf ac[3], const vf from[3], const vf ray[3], vf weight[3]) {
+  const vf zero = v_set(0), one = v_set(1);
+  const vm over_ab = v_lt(weight[2], zero), over_ac = v_lt(weight[1], zero), over_bc = v_lt(one, weight[1] + weight[2]);
+  if (m_any(m_or(over_ab, m_or(over_ac, over_bc)))) {
+    vf b[2], c[2], bc[2], of_b[2];
+    for (int k = 0; k < 2; k++) {
+      b[k] = ab[k] - ray[k] * ab[2], c[k] = ac[k] - ray[k] * ac[2];
+      bc[k] = c[k] - b[k], of_b[k] = from[k] - b[k];
+    }
+    const vf on_bc = along_edge(of_b, bc), on_ab = along_edge(from, b), on_ac = along_edge(from, c);
+    weight[1] = v_select(over_bc, one - on_bc, weight[1]), weight[2] = v_select(over_bc, on_bc, weight[2]);
+    weight[1] = v_select(over_ac, zero, weight[1]), weight[2] = v_select(over_ac, on_ac, weight[2]);
+    weight[1] = v_select(over_ab, on_ab, weight[1]), weight[2] = v_select(over_ab, zero, weight[2]);
+  }
+  weight[1] = v_min(v_max(weight[1], zero), one); /* 0 of what is no number */
+  weight[2] = v_min(v_max(weight[2], zero), one - weight[1]);
+  weight[0] = one - weight[1] - weight[2];
+}
+
 /* A ray from a point at the depth of corner a along `ray`: where it meets the triangle's plane (Moeller and Trumbore,
- * Fast, minimum storage ray-triangle intersection, 1997), held within the triangle, for samples were found with rounded
- * corners. Nothing here is far from the triangle, however far the eye is. */
+ * Fast, minimum storage ray-triangle intersection, 1997), held within the triangle. Nothing here is far from the triangle,
+ * however far the eye is. */
 typedef struct meeting {
   vf weight[3], depth, face[3];
 } meeting;
@@ -81,9 +108,9 @@ V_INLINE meeting meet(const tc_raster_frame *f, const seen *s, vf across, vf alo
   cross(from, ab, q);
   vf inverse = v_set(1) / dot(ab, p);
   meeting m;
-  m.weight[1] = v_min(v_max(dot(from, p) * inverse, v_set(0)), v_set(1));
-  m.weight[2] = v_min(v_max(dot(ray, q) * inverse, v_set(0)), v_set(1) - m.weight[1]);
-  m.weight[0] = v_set(1) - m.weight[1] - m.weight[2];
+  m.weight[1] = dot(from, p) * inverse;
+  m.weight[2] = dot(ray, q) * inverse;
+  hold(ab, ac, from, ray, m.weight);
   m.depth = (s->a[2] + v_set(f->reference)) + (m.weight[1] * ab[2] + m.weight[2] * ac[2]);
   cross(ab, ac, m.face);
   return m;

@@ -110,6 +110,21 @@ struct Meeting { // of the ray through a point of the picture and a triangle
   float b, c, distance; // weights of the second and third corner; mm from the eye
 };
 
+float along_edge(vec2 at, vec2 edge) { return clamp(dot(at, edge) / max(dot(edge, edge), 1e-30), 0.0, 1.0); }
+
+// Weights of the second and third corner, held within the triangle (hold() of raster_shade_tmpl.h). b, c: from the first
+// corner, as seen along the ray.
+vec2 hold(vec2 weight, vec2 from, vec2 b, vec2 c) {
+  if (weight.y < 0.0)
+    weight = vec2(along_edge(from, b), 0.0);
+  else if (weight.x < 0.0)
+    weight = vec2(0.0, along_edge(from, c));
+  else if (weight.x + weight.y > 1.0)
+    weight = vec2(1.0, 0.0) + along_edge(from - b, c - b) * vec2(-1.0, 1.0);
+  float x = held(weight.x, 1.0);
+  return vec2(x, held(weight.y, 1.0 - x));
+}
+
 Meeting meet(uint triangle, vec2 at) {
   Meeting m;
   vec3 p[3];
@@ -123,7 +138,8 @@ Meeting meet(uint triangle, vec2 at) {
   m.ab = p[1] - p[0], m.ac = p[2] - p[0];
   vec3 from = vec3(across * before - p[0].xy, 0.0), side = cross(m.ray, m.ac), other = cross(from, m.ab);
   float inverse = 1.0 / dot(m.ab, side);
-  m.b = held(dot(from, side) * inverse, 1.0), m.c = held(dot(m.ray, other) * inverse, 1.0 - m.b);
+  vec2 weight = hold(vec2(dot(from, side), dot(m.ray, other)) * inverse, from.xy, m.ab.xy - m.ray.xy * m.ab.z, m.ac.xy - m.ray.xy * m.ac.z);
+  m.b = weight.x, m.c = weight.y;
   m.distance = (p[0].z + mesh.reference + (m.b * m.ab.z + m.c * m.ac.z)) * length(m.ray);
   return m;
 }
