@@ -472,6 +472,52 @@ TEST(simplification_keeps_its_bound) {
   tc_mesh_free(still);
 }
 
+static uint32_t first_of(uint32_t *piece, uint32_t v) {
+  while (piece[v] != v) v = piece[v] = piece[piece[v]];
+  return v;
+}
+
+/* Connected parts. */
+static long parts_of(const tc_mesh *m) {
+  g_autofree uint32_t *piece = g_new(uint32_t, m->n_vertices + 1);
+  long n = (long)m->n_vertices;
+  for (uint32_t v = 0; v < m->n_vertices; v++) piece[v] = v;
+  for (size_t i = 0; i < 3 * m->n_triangles; i++) {
+    const uint32_t a = first_of(piece, m->triangles[i / 3][i % 3]), b = first_of(piece, m->triangles[i / 3][(i + 1) % 3]);
+    n -= a != b;
+    piece[a > b ? a : b] = a > b ? b : a;
+  }
+  return n;
+}
+
+/* Within a rim of zeros, so that the surface is closed. */
+static double noise_inside(double x, double y, double z) {
+  const double a = any_value(x, y, z);
+  return x < 1 || y < 1 || z < 1 || x > 22 || y > 22 || z > 22 ? 0 : a;
+}
+
+/* Of many narrow necks: each edge keeps two triangles, each vertex one fan, and the surface its handles, but for parts that
+ * vanish, each of which takes two from the Euler characteristic if it was a ball. */
+TEST(simplified_random_fields_are_manifolds) {
+  static const int dims[3] = {24, 24, 24};
+  grid = 24, seed = 5;
+  g_autoptr(tc_volume) v = make(dims, TC_F32, even, straight, 1, noise_inside);
+  for (int round = 0; round < 2; round++) {
+    g_autoptr(tc_mesh) m = extract(v, round ? 0.5 : 0.8, 0);
+    const topology full = check_manifold(v, m);
+    const long balls = parts_of(m);
+    assert_int_equal(full.rim, 0);
+    for (double bound = 0.02; bound < 0.5; bound *= 3) {
+      g_autoptr(tc_mesh) s = tc_mesh_simplify(m, bound, 0, NULL);
+      const topology t = check_manifold(v, s);
+      const long lost = balls - parts_of(s);
+      print_message("%.2f mm: %zu of %zu triangles, Euler characteristic %ld of %ld, %ld of %ld parts lost\n", bound,
+                    s->n_triangles, m->n_triangles, t.euler, full.euler, lost, balls);
+      assert_true(t.rim == 0 && t.euler == full.euler - 2 * lost && s->n_triangles < m->n_triangles);
+    }
+  }
+}
+
 /* On a face with two opposite corners inside, the saddle of the bilinear field says what is joined. */
 static double two_corners;
 static double saddle(double x, double y, double z) {
