@@ -151,6 +151,8 @@ void tc_meter_truth(const tc_reference *reference, const tc_scene *scene, int x,
 
 /* ---- the reference ---- */
 
+static bool goes_on(void *cancel) { return !cancel || !atomic_load((const atomic_bool *)cancel); }
+
 /* Fills the meshes, with normals, of the surfaces of meshes, and the views of them that the reference reads; both
  * [n_surfaces]. */
 static bool make_meshes(const tc_meter_subject *of, tc_mesh **made, tc_reference_mesh *views, GError **error) {
@@ -158,13 +160,9 @@ static bool make_meshes(const tc_meter_subject *of, tc_mesh **made, tc_reference
   for (size_t i = 0; i < of->scene->mesh.n_surfaces; i++) {
     const tc_mesh_surface *s = &of->scene->mesh.surfaces[i];
     if (s->source != TC_SURFACE_OF_MESH || !s->visible) continue;
-    if (of->cancel && atomic_load(of->cancel)) {
-      tc_set_error(error, TC_ERROR_CANCELLED, NULL, "cancelled");
-      return false;
-    }
     tc_mesh *given = of->meshes ? of->meshes[i] : NULL;
-    const tc_mesh_options options = {.normals = true, .max_bytes = left};
-    const tc_mesh *m = made[i] = given && given->normals ? tc_mesh_ref(given) : tc_mesh_with_normals(given, &options, error);
+    const tc_mesh *m = made[i] = given && given->normals ? tc_mesh_ref(given)
+                                                         : tc_mesh_with_normals(given, left, goes_on, (void *)(uintptr_t)of->cancel, error);
     if (!m) return false;
     const uint64_t bytes = m->bytes;
     if (bytes >= left) {

@@ -47,6 +47,20 @@ typedef struct tc_ref_cast {
 void tc_ref_ray_cast(const tc_ref_camera *camera, const tc_ref_clip *clip, const tc_volume_desc *desc, double px,
                      double py, tc_ref_cast *cast);
 
+/* parallel.c */
+enum { TC_REF_THREADS = 256 };
+typedef struct tc_ref_loop {
+  int count;
+  const atomic_bool *cancel; /* looked at before each task; NULL: never */
+  void (*task)(void *context, int index);
+  void *context;
+} tc_ref_loop;
+/* Calls task for each index, in any order, on so many threads (0: one per online core). False: cancelled. */
+bool tc_ref_parallel(const tc_ref_loop *loop, int threads);
+static inline bool tc_ref_is_set(const atomic_bool *cancel) {
+  return cancel && atomic_load_explicit(cancel, memory_order_relaxed);
+}
+
 /* triangles.c: where rays meet a mesh, in double precision through a hierarchy of boxes. */
 typedef struct tc_ref_triangles tc_ref_triangles;
 typedef struct tc_ref_triangle_hit {
@@ -55,8 +69,8 @@ typedef struct tc_ref_triangle_hit {
   bool back;           /* met from behind */
 } tc_ref_triangle_hit;
 struct tc_reference_mesh;
-/* Copies; NULL: no memory. linear: the compositing space of colours. */
-tc_ref_triangles *tc_ref_triangles_new(const struct tc_reference_mesh *mesh, bool linear);
+/* Copies; NULL: no memory, or cancelled. linear: the compositing space of colours. On all cores. */
+tc_ref_triangles *tc_ref_triangles_new(const struct tc_reference_mesh *mesh, bool linear, const atomic_bool *cancel);
 void tc_ref_triangles_free(tc_ref_triangles *triangles);
 /* The nearest hit of the ray's part behind `after`. */
 bool tc_ref_triangles_hit(const tc_ref_triangles *triangles, const tc_ref_ray *ray, double after, tc_ref_triangle_hit *hit);

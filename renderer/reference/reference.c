@@ -1,14 +1,11 @@
 #include "renderer/reference/reference.h"
 
 #include <math.h>
-#include <pthread.h>
 #include <stdatomic.h>
 #include <string.h>
-#include <unistd.h>
 
 #include "renderer/reference/integrator.h"
 
-#define MOST_THREADS 256
 
 /* The span of a piece is the one above its lower end, for either direction of the ray. */
 static void span_of(const tc_reference *r, const tc_ref_piece *piece, tc_ref_span *span) {
@@ -234,35 +231,25 @@ void tc_reference_ray(const tc_reference *r, double px, double py, tc_reference_
 typedef struct image_job {
   const tc_reference *reference;
   float *rgba;
-  atomic_int row;
 } image_job;
 
-static void *render_rows(void *data) {
-  image_job *job = data;
-  int width = job->reference->camera.width, height = job->reference->camera.height;
-  for (int row; (row = atomic_fetch_add(&job->row, 1)) < height;)
-    for (int column = 0; column < width; column++) {
-      double rgba[4];
-      float *to = job->rgba + ((size_t)row * (size_t)width + (size_t)column) * 4;
-      tc_reference_pixel(job->reference, column + 0.5, row + 0.5, rgba);
-      for (int c = 0; c < 4; c++) to[c] = (float)rgba[c];
-    }
-  return NULL;
+static void render_row(void *data, int row) {
+  const image_job *job = data;
+  const int width = job->reference->camera.width;
+  for (int column = 0; column < width; column++) {
+    double rgba[4];
+    float *to = job->rgba + ((size_t)row * (size_t)width + (size_t)column) * 4;
+    tc_reference_pixel(job->reference, column + 0.5, row + 0.5, rgba);
+    for (int c = 0; c < 4; c++) to[c] = (float)rgba[c];
+  }
 }
 
 bool tc_reference_image(const tc_reference *reference, int threads, float *rgba, GError **error) {
   image_job job = {.reference = reference, .rgba = rgba};
-  atomic_init(&job.row, 0);
-  if (threads < 0 || threads > MOST_THREADS) {
-    tc_set_error(error, TC_ERROR_INVALID, NULL, "reference: %d threads: 0 to %d expected", threads, MOST_THREADS);
+  if (threads < 0 || threads > TC_REF_THREADS) {
+    tc_set_error(error, TC_ERROR_INVALID, NULL, "reference: %d threads: 0 to %d expected", threads, TC_REF_THREADS);
     return false;
   }
-  if (threads == 0) threads = (int)CLAMP(sysconf(_SC_NPROCESSORS_ONLN), 1, MOST_THREADS);
-  pthread_t helpers[MOST_THREADS];
-  int started = 0;
-  /* The calling thread works too, so a thread that cannot be created only costs time. */
-  while (started < threads - 1 && pthread_create(&helpers[started], NULL, render_rows, &job) == 0) started++;
-  render_rows(&job);
-  for (int i = 0; i < started; i++) pthread_join(helpers[i], NULL);
+  tc_ref_parallel(&(tc_ref_loop){reference->camera.height, NULL, render_row, &job}, threads);
   return true;
 }

@@ -94,8 +94,12 @@ static bool add_surface(tc_reference *r, const tc_scene *scene, const tc_mesh_su
   s->shading = shading_of_surface(r, scene, item);
   const tc_reference_mesh *mesh = item->source == TC_SURFACE_OF_MESH ? &of->meshes[s->number] : NULL;
   s->colored = mesh && mesh->colors && !item->has_color;
-  if ((mesh && !(s->triangles = tc_ref_triangles_new(mesh, scene->image.linear_light))) ||
+  if ((mesh && !(s->triangles = tc_ref_triangles_new(mesh, scene->image.linear_light, r->cancel))) ||
       (item->source == TC_SURFACE_OF_LABEL && !smooth_label(s, of, scene))) {
+    if (tc_ref_stopped(r)) {
+      tc_set_error(error, TC_ERROR_CANCELLED, NULL, "cancelled");
+      return false;
+    }
     tc_set_error(error, TC_ERROR_MEMORY, "/mesh/surfaces", "reference: no memory for the surfaces");
     return false;
   }

@@ -8,6 +8,8 @@
 #include "renderer/reference/reference.h"
 
 #define LEAF 4
+#define TOP 6            /* levels of the tree above the parts that are built in parallel */
+#define PORTION 32768    /* triangles that are sorted at once: some milliseconds */
 #define APART 1e-6 /* mm: hits nearer than this are one, of triangles that share the edge */
 
 typedef struct node {
@@ -20,8 +22,8 @@ struct tc_ref_triangles {
   float (*positions)[3], (*normals)[3];
   uint32_t (*triangles)[3], *colors;
   bool linear;
-  node *nodes;
-  uint32_t n_nodes;
+  node *nodes; /* [n_triangles], with gaps */
+  uint32_t n_triangles;
 };
 
 typedef struct placed {
@@ -40,33 +42,80 @@ static uint64_t spread(uint64_t x) { /* 21 bits, two zeros between each */
 
 static int by_code(const void *a, const void *b) {
   const placed *p = a, *q = b;
-  return p->code < q->code ? -1 : p->code > q->code;
+  if (p->code != q->code) return p->code < q->code ? -1 : 1;
+  return (p->triangle > q->triangle) - (p->triangle < q->triangle);
 }
 
-static placed *sort_triangles(const tc_reference_mesh *m) {
-  double low[3] = {INFINITY, INFINITY, INFINITY}, wide = 0;
-  placed *order = malloc((m->n_triangles + 1) * sizeof *order);
-  for (size_t v = 0; v < m->n_vertices; v++)
-    for (int k = 0; k < 3; k++) low[k] = fmin(low[k], (double)m->positions[v][k]);
-  for (size_t v = 0; v < m->n_vertices; v++)
-    for (int k = 0; k < 3; k++) wide = fmax(wide, (double)m->positions[v][k] - low[k]);
-  for (size_t t = 0; t < m->n_triangles && order; t++) {
-    order[t] = (placed){0, (uint32_t)t};
+typedef struct making {
+  const tc_reference_mesh *of;
+  tc_ref_triangles *to;
+  const atomic_bool *cancel;
+  double low[3], wide;
+  placed *from, *order; /* [n_triangles] */
+  size_t run;           /* triangles of a sorted part of `from` */
+} making;
+
+static size_t end_of(const making *m, size_t at) { return MIN(at, m->of->n_triangles); }
+
+static void sort_portion(void *context, int i) {
+  making *m = context;
+  const tc_reference_mesh *of = m->of;
+  const size_t first = (size_t)i * PORTION, end = end_of(m, first + PORTION);
+  for (size_t t = first; t < end; t++) {
+    m->order[t] = (placed){0, (uint32_t)t};
     for (int k = 0; k < 3; k++) {
       double middle = 0;
-      for (int c = 0; c < 3; c++) middle += (double)m->positions[m->triangles[t][c]][k] / 3;
-      order[t].code |= spread((uint64_t)(fmax((middle - low[k]) / wide, 0) * 0x1fffff)) << k;
+      for (int c = 0; c < 3; c++) middle += (double)of->positions[of->triangles[t][c]][k] / 3;
+      m->order[t].code |= spread((uint64_t)(fmax((middle - m->low[k]) / m->wide, 0) * 0x1fffff)) << k;
     }
   }
-  if (order) qsort(order, m->n_triangles, sizeof *order, by_code);
-  return order;
+  qsort(m->order + first, end - first, sizeof *m->order, by_code);
 }
 
-static uint32_t build(tc_ref_triangles *m, uint32_t first, uint32_t end) {
-  const uint32_t at = m->n_nodes++, middle = first + (end - first) / 2;
+static void merge_two(void *context, int i) {
+  const making *m = context;
+  size_t to = 2 * (size_t)i * m->run, a = to, b = end_of(m, to + m->run);
+  const size_t middle = b, end = end_of(m, to + 2 * m->run);
+  for (; to < end && (to % PORTION || !tc_ref_is_set(m->cancel)); to++)
+    m->order[to] = b == end || (a < middle && by_code(&m->from[a], &m->from[b]) < 0) ? m->from[a++] : m->from[b++];
+}
+
+static void fetch_portion(void *context, int i) {
+  const making *m = context;
+  const size_t first = (size_t)i * PORTION, end = end_of(m, first + PORTION);
+  for (size_t t = first; t < end; t++) memcpy(m->to->triangles[t], m->of->triangles[m->order[t].triangle], sizeof *m->to->triangles);
+}
+
+static bool each(making *m, size_t count, void (*task)(void *context, int index)) {
+  return tc_ref_parallel(&(tc_ref_loop){(int)count, m->cancel, task, m}, 0);
+}
+
+static bool sort_triangles(making *m) {
+  const tc_reference_mesh *of = m->of;
+  const size_t n = of->n_triangles, portions = (n + PORTION - 1) / PORTION;
+  for (int k = 0; k < 3; k++) m->low[k] = INFINITY;
+  for (size_t v = 0; v < of->n_vertices; v++)
+    for (int k = 0; k < 3; k++) m->low[k] = fmin(m->low[k], (double)of->positions[v][k]);
+  for (size_t v = 0; v < of->n_vertices; v++)
+    for (int k = 0; k < 3; k++) m->wide = fmax(m->wide, (double)of->positions[v][k] - m->low[k]);
+  bool going = each(m, portions, sort_portion);
+  for (m->run = PORTION; m->run < n && going; m->run *= 2) {
+    placed *const sorted = m->order;
+    m->order = m->from, m->from = sorted;
+    going = each(m, (n + 2 * m->run - 1) / (2 * m->run), merge_two);
+  }
+  return going && each(m, portions, fetch_portion);
+}
+
+/* Builds the tree of triangles [first, end), of which there is one in all, or more than one, at nodes[at] and behind: n triangles
+ * have no more than n - 1 nodes, or 1. built: levels down to parts that have been built; below 0: none has. */
+static void build(tc_ref_triangles *m, uint32_t at, uint32_t first, uint32_t end, int built) {
+  const uint32_t middle = first + (end - first) / 2;
   node own = {{INFINITY, INFINITY, INFINITY}, {-INFINITY, -INFINITY, -INFINITY}, first, end - first};
+  if (built == 0) return;
   if (own.n > LEAF) {
-    const uint32_t children[2] = {build(m, first, middle), build(m, middle, end)};
+    const uint32_t children[2] = {at + 1, at + middle - first};
+    build(m, children[0], first, middle, built - 1), build(m, children[1], middle, end, built - 1);
     for (int i = 0; i < 2; i++)
       for (int k = 0; k < 3; k++) {
         own.low[k] = fminf(own.low[k], m->nodes[children[i]].low[k]);
@@ -80,7 +129,25 @@ static uint32_t build(tc_ref_triangles *m, uint32_t first, uint32_t end) {
       own.low[k % 3] = fminf(own.low[k % 3], x), own.high[k % 3] = fmaxf(own.high[k % 3], x);
     }
   m->nodes[at] = own;
-  return at;
+}
+
+/* One of the parts TOP levels down; bits of its number are the way there. */
+static void build_part(void *context, int part) {
+  const making *m = context;
+  uint32_t at = 0, first = 0, end = m->to->n_triangles;
+  for (int level = 0; level < TOP; level++) {
+    const uint32_t middle = first + (end - first) / 2;
+    at += part >> level & 1 ? middle - first : 1;
+    if (part >> level & 1) first = middle; else end = middle;
+  }
+  build(m->to, at, first, end, -1);
+}
+
+static bool build_all(making *m) {
+  const bool parts = m->to->n_triangles > LEAF << (TOP + 1); /* so many that each has several */
+  if (parts && !each(m, 1 << TOP, build_part)) return false;
+  if (m->to->n_triangles) build(m->to, 0, 0, m->to->n_triangles, parts ? TOP : -1);
+  return true;
 }
 
 static void *copy(const void *from, size_t n, size_t size) {
@@ -89,20 +156,19 @@ static void *copy(const void *from, size_t n, size_t size) {
   return to;
 }
 
-tc_ref_triangles *tc_ref_triangles_new(const tc_reference_mesh *of, bool linear) {
+tc_ref_triangles *tc_ref_triangles_new(const tc_reference_mesh *of, bool linear, const atomic_bool *cancel) {
   tc_ref_triangles *m = g_new0(tc_ref_triangles, 1);
-  placed *order = sort_triangles(of);
+  making making = {.of = of, .to = m, .cancel = cancel};
+  making.order = malloc((of->n_triangles + 1) * sizeof *making.order), making.from = malloc((of->n_triangles + 1) * sizeof *making.from);
   memcpy(m->origin, of->origin, sizeof m->origin);
   m->positions = copy(of->positions, of->n_vertices, sizeof *m->positions);
   m->normals = copy(of->normals, of->n_vertices, sizeof *m->normals);
   m->colors = copy(of->colors, of->n_vertices, sizeof *m->colors), m->linear = linear;
-  m->triangles = malloc((of->n_triangles + 1) * sizeof *m->triangles);
+  m->triangles = malloc((of->n_triangles + 1) * sizeof *m->triangles), m->n_triangles = (uint32_t)of->n_triangles;
   m->nodes = malloc((of->n_triangles + 1) * sizeof *m->nodes);
-  const bool good = order && m->positions && (m->normals || !of->normals) && (m->colors || !of->colors) && m->triangles && m->nodes;
-  for (size_t t = 0; t < of->n_triangles && good; t++)
-    memcpy(m->triangles[t], of->triangles[order[t].triangle], sizeof *m->triangles);
-  if (good && of->n_triangles) build(m, 0, (uint32_t)of->n_triangles);
-  free(order);
+  bool good = making.order && making.from && m->positions && (m->normals || !of->normals) && (m->colors || !of->colors) && m->triangles && m->nodes;
+  good = good && sort_triangles(&making) && build_all(&making);
+  free(making.order), free(making.from);
   if (good) return m;
   tc_ref_triangles_free(m);
   return NULL;
@@ -166,7 +232,7 @@ bool tc_ref_triangles_hit(const tc_ref_triangles *m, const tc_ref_ray *ray, doub
   const double enter = fmax(ray->enter, after + APART);
   for (int k = 0; k < 3; k++) from[k] = ray->lps[k] - m->origin[k];
   hit->t = ray->leave;
-  if (m->n_nodes) open[n++] = 0;
+  if (m->n_triangles) open[n++] = 0;
   while (n) {
     const node *at = &m->nodes[open[--n]];
     if (!meets(at, from, ray->lps_direction, enter, hit->t)) continue;

@@ -2,7 +2,9 @@
 #include "tests/support/test.h"
 
 #include <inttypes.h>
+#include <pthread.h>
 
+#include "renderer/base/clock.h"
 #include "renderer/base/halt.h"
 #include "renderer/frame/mesh_job.h"
 #include "renderer/quality/meter.h"
@@ -465,6 +467,52 @@ TEST(meshes_of_a_truth_are_bounded) {
   assert_null(tc_meter_reference(&(tc_meter_subject){volume, NULL, meshes, &scene, NULL}, 8, 8, &error));
   assert_true(g_error_matches(error, TC_ERROR, TC_ERROR_LIMIT));
   print_message("%s\n", error->message);
+}
+
+typedef struct canceller {
+  atomic_bool cancel;
+  double after_ms, at_ms;
+} canceller;
+
+static void *cancel_later(void *data) {
+  canceller *c = data;
+  g_usleep((gulong)(c->after_ms * 1000));
+  c->at_ms = tc_now_ms();
+  atomic_store(&c->cancel, true);
+  return NULL;
+}
+
+/* The truth of a large mesh without normals is soon given up, in every phase of its making. */
+TEST(making_a_truth_is_cancelled) {
+  g_autoptr(tc_volume) volume = test_volume(&(test_grid){.dims = {4, 4, 4}, .type = TC_F32}, test_radius2, (double[3]){2, 2, 2});
+  g_autoptr(tc_mesh) large = tc_mesh_new(3000000, 2000000, false, NULL);
+  const tc_mesh_surface one = {.source = TC_SURFACE_OF_MESH, .opacity = 1, .visible = true};
+  tc_mesh *const meshes[1] = {large};
+  g_auto(tc_scene) scene;
+  uint64_t seed = 4;
+  for (size_t v = 0; v < large->n_vertices; v++)
+    for (int k = 0; k < 3; k++) large->positions[v][k] = (float)test_random(&seed);
+  for (size_t i = 0; i < 3 * large->n_triangles; i++) large->triangles[i / 3][i % 3] = (uint32_t)((i / 2 + i % 2) % large->n_vertices);
+  mesh_scene(&scene, volume, TC_PERSPECTIVE);
+  tc_scene_set_surfaces(&scene, g_memdup2(&one, sizeof one), 1);
+  const double begun = tc_now_ms();
+  tc_reference_free(tc_meter_reference(&(tc_meter_subject){volume, NULL, meshes, &scene, NULL}, 8, 8, NULL));
+  const double whole = tc_now_ms() - begun;
+  double most = 0;
+  for (int i = 0; i < 12; i++) {
+    canceller c = {.after_ms = whole * i / 16};
+    g_autoptr(GError) error = NULL;
+    pthread_t thread;
+    assert_int_equal(pthread_create(&thread, NULL, cancel_later, &c), 0);
+    tc_reference *truth = tc_meter_reference(&(tc_meter_subject){volume, NULL, meshes, &scene, &c.cancel}, 8, 8, &error);
+    const double end = tc_now_ms();
+    pthread_join(thread, NULL);
+    if (!truth) most = fmax(most, end - c.at_ms);
+    assert_true(truth ? i > 6 : g_error_matches(error, TC_ERROR, TC_ERROR_CANCELLED)); /* if this machine was faster than before */
+    tc_reference_free(truth);
+  }
+  print_message("  made in %.0f ms, given up within %.0f\n", whole, most);
+  assert_true(most < whole / 2);
 }
 
 /* ---- within a volume ---- */
