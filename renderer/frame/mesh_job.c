@@ -175,39 +175,69 @@ static int planes_of(const tc_scene *scene, double planes[TC_VIEW_MOST_CLIP][4])
 /* A label's smooth surface reaches beyond the label volume's outer voxels by less than this. */
 #define SMOOTH_REACH 4
 
-/* Whether a volume's box, `reach` voxels wider, is neither outside the view nor clipped. */
-static bool box_in_view(const tc_frame_job *job, const tc_volume *volume, double reach) {
+/* Whether all points, moved by `by`, are outside the view or clipped, by one plane. Looks no further than it takes. */
+static bool all_outside(const tc_mesh_view *v, const float (*points)[3], size_t n, const double by[3]) {
+  double planes[4 + 1 + TC_VIEW_MOST_CLIP][4];
+  unsigned left = 0;
+  memcpy(planes, v->sides, sizeof v->sides);
+  memcpy(planes[4], v->depth, sizeof v->depth), planes[4][3] += v->reference; /* what is behind the eye */
+  const int n_planes = 5 + v->n_planes - TC_VIEW_CLIP;
+  for (int p = 5; p < n_planes; p++) memcpy(planes[p], v->planes[TC_VIEW_CLIP + p - 5], sizeof planes[p]);
+  for (int p = 0; p < n_planes; p++) left |= 1u << p;
+  for (size_t i = 0; i < n && left; i++) {
+    double at[3], size = 0;
+    for (int k = 0; k < 3; k++) at[k] = (double)points[i][k] + by[k], size += fabs(at[k]);
+    for (int p = 0; p < n_planes; p++)
+      if (!(tc_mesh_view_row(planes[p], at) < -1e-6 * size)) left &= ~(1u << p);
+  }
+  return left != 0;
+}
+
+/* The view of a volume's box, `reach` voxels wider, whose corners are relative to box->origin. */
+static void view_box(const tc_frame_job *job, const tc_volume *volume, double reach, tc_mesh_view *view, tc_clusters *box, float corners[8][3]) {
   const tc_volume_desc *d = tc_volume_describe(volume);
-  tc_clusters box = {0}; /* empty, with the box's centre and bounding sphere */
-  double corners[8][3], middle[3], planes[TC_VIEW_MOST_CLIP][4], radius = 0;
+  double middle[3], at[3], planes[TC_VIEW_MOST_CLIP][4];
+  *box = (tc_clusters){0}; /* empty, with the box's centre and bounding sphere */
   for (int k = 0; k < 3; k++) middle[k] = 0.5 * (d->dims[k] - 1);
-  tc_volume_index_to_lps(volume, middle, box.origin);
+  tc_volume_index_to_lps(volume, middle, box->origin);
   for (int c = 0; c < 8; c++) {
     double index[3], apart = 0;
     for (int k = 0; k < 3; k++) index[k] = c >> k & 1 ? d->dims[k] - 1 + reach : -reach;
-    tc_volume_index_to_lps(volume, index, corners[c]);
-    for (int k = 0; k < 3; k++) corners[c][k] -= box.origin[k], apart += corners[c][k] * corners[c][k];
-    radius = fmax(radius, sqrt(apart));
+    tc_volume_index_to_lps(volume, index, at);
+    for (int k = 0; k < 3; k++) corners[c][k] = (float)(at[k] - box->origin[k]), apart += (at[k] - box->origin[k]) * (at[k] - box->origin[k]);
+    box->radius = fmaxf(box->radius, (float)sqrt(apart));
   }
-  box.radius = (float)radius;
+  tc_mesh_view_set_up(view, box, &job->scene->camera, job->plan->width, job->plan->height);
+  tc_mesh_view_clip(view, box, (const double(*)[4])planes, planes_of(job->scene, planes));
+}
+
+static bool box_in_view(const tc_frame_job *job, const tc_volume *volume, double reach) {
   tc_mesh_view view;
-  tc_mesh_view_set_up(&view, &box, &job->scene->camera, job->plan->width, job->plan->height);
-  tc_mesh_view_clip(&view, &box, (const double(*)[4])planes, planes_of(job->scene, planes));
-  for (int p = 0; p < view.n_planes + 4; p++) {
-    const double *plane = p < 4 ? view.sides[p] : view.planes[p - 4];
-    if (p >= 4 + TC_VIEW_GUARD && p < 4 + TC_VIEW_CLIP) continue;
-    int outside = 0;
-    for (int c = 0; c < 8; c++) outside += tc_mesh_view_row(plane, corners[c]) < -1e-6 * radius;
-    if (outside == 8) return false;
-  }
-  return true;
+  tc_clusters box;
+  float corners[8][3];
+  view_box(job, volume, reach, &view, &box, corners);
+  return !all_outside(&view, (const float(*)[3])corners, 8, (const double[3]){0});
+}
+
+static bool mesh_in_view(const tc_frame_job *job, const tc_mesh *mesh) {
+  tc_mesh_view view;
+  tc_clusters box;
+  float corners[8][3];
+  double by[3];
+  view_box(job, job->source, 0, &view, &box, corners);
+  for (int k = 0; k < 3; k++) by[k] = mesh->origin[k] - box.origin[k];
+  return !all_outside(&view, (const float(*)[3])mesh->positions, mesh->n_vertices, by);
 }
 
 bool tc_mesh_in_view(const tc_frame_job *job) {
-  for (size_t i = 0; i < job->scene->mesh.n_surfaces; i++)
-    if (job->scene->mesh.surfaces[i].source == TC_SURFACE_OF_MESH && tc_mesh_surface_shows(&job->scene->mesh.surfaces[i]))
-      return true;
-  return box_in_view(job, job->source, 0) || (job->label_volume && box_in_view(job, job->label_volume, SMOOTH_REACH));
+  bool others = !job->scene->mesh.n_surfaces;
+  for (size_t i = 0; i < job->scene->mesh.n_surfaces; i++) {
+    const tc_mesh_surface *s = &job->scene->mesh.surfaces[i];
+    const bool given = s->source == TC_SURFACE_OF_MESH, shows = tc_mesh_surface_shows(s);
+    if (shows && given && job->meshes && mesh_in_view(job, job->meshes[i])) return true;
+    others = others || (shows && !given);
+  }
+  return others && (box_in_view(job, job->source, 0) || (job->label_volume && box_in_view(job, job->label_volume, SMOOTH_REACH)));
 }
 
 void tc_mesh_count(const tc_clusters *mesh, const tc_plan *plan, const tc_scene *scene, tc_facts *facts) {

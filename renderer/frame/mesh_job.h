@@ -27,8 +27,8 @@ extern unsigned tc_mesh_most_layers;
 /* Sources of the visible surfaces of the scene's list, in its order: fills of[TC_MAX_SURFACES], returns their number. */
 size_t tc_mesh_sources(const tc_frame_job *job, tc_mesh_source *of);
 
-/* Whether a surface of the volume or its labels may be in the picture: false if their box is outside the view or clipped.
- * True if the scene shows a mesh of its own, whose box is not the volume's. */
+/* Whether a surface may be in the picture: false if the box of the volume and of its labels is outside the view or clipped, and
+ * so are the vertices of each mesh that the scene shows. */
 bool tc_mesh_in_view(const tc_frame_job *job);
 
 bool tc_mesh_job_begin(tc_mesh_job *m, const tc_frame_job *job, GError **error); /* TC_ERROR_MEMORY */

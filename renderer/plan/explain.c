@@ -378,7 +378,7 @@ static void say_mesh(const teller *t) {
     add(t, TC_STAGE_MESH, "; levels of detail within %.3g pixels: %zu of %zu triangles", t->plan->mesh_pixels,
         t->facts->triangles, t->facts->triangles_in_full);
   if (in && t->facts && t->facts->nothing_in_view)
-    add(t, TC_STAGE_MESH, "; the volume is outside the view or clipped: nothing is extracted");
+    add(t, TC_STAGE_MESH, "; all of it is outside the view or clipped: nothing is extracted, and no mesh is cut into clusters");
   if (in && t->facts && t->facts->clusters)
     add(t, TC_STAGE_MESH, "; of %zu clusters %zu outside the view, %zu facing away", t->facts->clusters, t->facts->outside,
         t->facts->facing_away);

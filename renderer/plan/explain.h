@@ -63,7 +63,7 @@ typedef struct tc_facts {
   double deaf_ms, pixel_samples; /* ... milliseconds between its checks of the halt, and samples per pixel */
   size_t triangles, triangles_in_full; /* of the levels of detail drawn, and of the full mesh; 0 without levels */
   size_t clusters, outside, facing_away; /* of a mesh: clusters of the levels drawn, and of these the culled ones */
-  bool nothing_in_view;      /* nothing is extracted for a mesh, since it is outside the view or clipped */
+  bool nothing_in_view;      /* nothing is extracted or cut into clusters, since it is outside the view or clipped */
   uint64_t hidden, shaded;   /* tc_frame_stats, of a drawn frame; 0: unknown */
   const char *refused;       /* why the cpu draws a mode without rays instead of the back end; NULL: the back end
                                 draws */

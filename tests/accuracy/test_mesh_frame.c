@@ -168,6 +168,33 @@ TEST(nothing_is_extracted_outside_the_view) {
   }
 }
 
+/* Nor is a mesh of one's own cut into clusters, wherever the volume is. */
+TEST(no_mesh_is_clustered_outside_the_view) {
+  g_autoptr(tc_volume) volume = waves(TC_U8);
+  g_autoptr(tc_mesh) far = tc_mesh_extract(volume, 0.5, &(tc_mesh_options){.normals = true}, NULL);
+  const tc_mesh_surface own = {.source = TC_SURFACE_OF_MESH, .opacity = 1, .visible = true}, value = {.value = 0.53, .opacity = 1, .visible = true};
+  const tc_mesh_surface both[2] = {own, value};
+  tc_mesh *const meshes[2] = {far, NULL};
+  const tc_render_request request = {.want_linear = true, .meshes = meshes};
+  far->origin[0] += 1e4; /* beside the volume */
+  for (int projection = 0; projection < 2; projection++) {
+    g_auto(tc_scene) scene;
+    mesh_scene(&scene, volume, projection ? TC_ORTHOGRAPHIC : TC_PERSPECTIVE);
+    tc_scene_set_surfaces(&scene, g_memdup2(&own, sizeof own), 1);
+    assert_true(extracts_nothing(volume, &scene, &request)); /* the volume is in the view */
+    scene.camera.target[0] += 1e4, scene.camera.position[0] += 1e4;
+    assert_false(extracts_nothing(volume, &scene, &request));
+    look_away(&scene);
+    assert_true(extracts_nothing(volume, &scene, &request));
+    look_away(&scene);
+    scene.clip.planes[0][0] = -1, scene.clip.planes[0][3] = 5000, scene.clip.n_planes = 1;
+    assert_true(extracts_nothing(volume, &scene, &request));
+    scene.clip.n_planes = 0;
+    tc_scene_set_surfaces(&scene, g_memdup2(both, sizeof both), 2);
+    assert_false(extracts_nothing(volume, &scene, &request)); /* the mesh is in the view, the volume is not */
+  }
+}
+
 /* Once extracted a surface stays; another value or another volume has its own; where it is nowhere the picture is empty. */
 TEST(a_surface_is_extracted_once) {
   const int which = test_widest();
