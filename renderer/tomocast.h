@@ -63,8 +63,8 @@ typedef struct tc_frame_stats {
   uint64_t rays;                        /* rays that met the volume */
   /* jumps over empty space, each by a packet (cpu) or by a ray (gl) */
   uint64_t leaps;
-  uint64_t hidden; /* clusters of a mesh culled by depth, counted once for every tile (cpu) */
-  uint64_t shaded; /* pairs of a pixel and a triangle visible in it (cpu) */
+  uint64_t hidden; /* clusters of a mesh culled by depth, counted once for every tile; gl counts none */
+  uint64_t shaded; /* pairs of a pixel and a triangle visible in it */
   bool stand_in; /* the cpu back end drew in place of the gl back end: this time does not predict the next frame's */
 } tc_frame_stats;
 

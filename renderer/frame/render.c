@@ -194,6 +194,7 @@ static void explain(drawing *d, bool by_stand_in, tc_explanation *to) {
   const tc_clusters *mesh = d->job.have.mesh;
   d->facts.nothing_in_view = tc_plan_has(&d->plan, TC_RESOURCE_MESH) && !tc_mesh_in_view(&d->job);
   if (mesh) tc_mesh_count(mesh, &d->plan, d->job.scene, &d->facts);
+  d->facts.culls_pixels = d->job.scene->mode == TC_MODE_MESH && !by_stand_in && d->ops != &tc_cpu_backend;
   if (d->stats) d->facts.hidden = d->stats->hidden, d->facts.shaded = d->stats->shaded;
   for (int i = 0; i < TC_RESOURCE_COUNT; i++)
     if (d->job.have.of[i]) d->facts.bytes[i] = tc_resource_kinds[i].bytes(d->job.have.of[i]);

@@ -382,7 +382,9 @@ static void say_mesh(const teller *t) {
   if (in && t->facts && t->facts->clusters)
     add(t, TC_STAGE_MESH, "; of %zu clusters %zu outside the view, %zu facing away", t->facts->clusters, t->facts->outside,
         t->facts->facing_away);
-  if (in && t->facts && t->facts->shaded)
+  if (in && t->facts && t->facts->shaded && t->facts->culls_pixels)
+    add(t, TC_STAGE_MESH, "; %" PRIu64 " pixels shaded; what is hidden fails OpenGL's depth test, which counts no clusters", t->facts->shaded);
+  else if (in && t->facts && t->facts->shaded)
     add(t, TC_STAGE_MESH, "; %" PRIu64 " hidden (once a tile), %" PRIu64 " pixels shaded", t->facts->hidden, t->facts->shaded);
 }
 

@@ -65,6 +65,7 @@ typedef struct tc_facts {
   size_t clusters, outside, facing_away; /* of a mesh: clusters of the levels drawn, and of these the culled ones */
   bool nothing_in_view;      /* nothing is extracted or cut into clusters, since it is outside the view or clipped */
   uint64_t hidden, shaded;   /* tc_frame_stats, of a drawn frame; 0: unknown */
+  bool culls_pixels;         /* gl drew the mesh: what is hidden is left out pixel by pixel, and not counted */
   const char *refused;       /* why the cpu draws a mode without rays instead of the back end; NULL: the back end
                                 draws */
   double ms[TC_RESOURCE_COUNT];

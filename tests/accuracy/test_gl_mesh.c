@@ -9,6 +9,8 @@
  * two intervals meet: else a tie. A pixel of n samples, k of which are ties, differs by no more than k/n. */
 #include "tests/support/test.h"
 
+#include <inttypes.h>
+
 #include "renderer/mesh/clip.h"
 #include "renderer/mesh/gl/mesh.h"
 #include "renderer/mesh/surfaces.h"
@@ -213,6 +215,7 @@ typedef struct verdict {
   int colourful;            /* pixels */
   int ties;                 /* of every 16th pixel */
   double most, apart, mean; /* of the others: difference of colours, and of depths, mm; mean of these */
+  double shaded;            /* pairs of pixel and triangle, of the cpu's */
   int deep;                 /* of the others: with a depth */
 } verdict;
 
@@ -237,15 +240,20 @@ static bool is_tie(const truth *t, const tc_rays *rays, bool layered, const tc_f
 static verdict compare(tc_volume *volume, const tc_render_request *of, const tc_scene *scene, const tc_scene *other) {
   const tc_render_request request = {.want_linear = true, .want_depth = true, .labels = of->labels, .meshes = of->meshes};
   tc_explanation plan;
+  verdict v = {0};
   const tc_frame *cpu = test_draw(test_widest(), volume, scene, &request, NULL);
   const tc_frame *gl = test_draw(GL, volume, other ? other : scene, &request, &plan);
   const tc_frame *const frames[2] = {gl, cpu}, *const none[2] = {NULL, NULL};
+  v.shaded = (double)gl->stats.shaded / (double)cpu->stats.shaded;
+  if (scene->mode == TC_MODE_MESH) {
+    g_autofree char *said = g_strdup_printf("; %" PRIu64 " pixels shaded; what is hidden fails", gl->stats.shaded);
+    assert_non_null(strstr(plan.stages[TC_STAGE_MESH].reason, said));
+  }
   assert_non_null(strstr(plan.kernel, ".gl"));
   assert_null(strstr(plan.stages[TC_STAGE_MESH].reason, "drawn by the cpu"));
   truth *t = find_truth(volume, of, scene);
   tc_rays rays;
   tc_rays_set_up(&rays, volume, scene, SIDE, SIDE);
-  verdict v = {0};
   const bool layered = scene->mesh.n_surfaces > 0;
   for (int i = 0; i < PIXELS; i++) {
     double worst = 0;
@@ -273,8 +281,8 @@ static verdict compare(tc_volume *volume, const tc_render_request *of, const tc_
              gl->linear[4 * i + 2], gl->depth[i]);
   }
   printf("  %zu triangles, %d pixels show something: %d off by more than 1/255, of which %d are no ties; ties are possible "
-         "at %.2f %%; others differ by %.1e and %.1e mm at most, %.1e mm in the mean\n",
-         t->mesh->n_triangles, v.seen, v.over, v.unproven, 100.0 * v.ties / (PIXELS / 16), v.most, v.apart, v.mean);
+         "at %.2f %%; others differ by %.1e and %.1e mm at most, %.1e mm in the mean; %.4f of the cpu's shaded\n",
+         t->mesh->n_triangles, v.seen, v.over, v.unproven, 100.0 * v.ties / (PIXELS / 16), v.most, v.apart, v.mean, v.shaded);
   free_truth(t);
   return v;
 }
@@ -285,6 +293,7 @@ static verdict expect_equal(tc_volume *volume, const tc_render_request *of, cons
   const verdict v = compare(volume, of, scene, NULL);
   assert_true(v.seen > PIXELS / 20 && v.unproven == 0 && v.over < PIXELS / 200);
   assert_true(v.mean < 2e-3); /* corners are rounded to a 256th of a pixel, which is some tenths of a millimetre */
+  if (scene->mode == TC_MODE_MESH) assert_true(fabs(v.shaded - 1) < 0.002); /* ties */
   return v;
 }
 

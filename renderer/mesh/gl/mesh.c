@@ -15,7 +15,7 @@
 #define SOFTWARE_SAMPLES (1 << 19) /* take some 10 ms to shade */
 #define LOOK 1024      /* clusters between two looks at the halt */
 #define TRIANGLES 3    /* unit of the visibility buffer's texture (mesh_shade.glsl) */
-#define LAYER 5        /* numbers a pixel of what layers gave (mesh_shade.glsl), and one for each of its samples */
+#define LAYER 6        /* numbers a pixel of what layers gave (mesh_shade.glsl), and one for each of its samples */
 
 /* The uniform block of mesh_head.glsl, std140. */
 typedef struct mesh_block {

@@ -13,8 +13,8 @@ struct Surface { // raster.h
   Light lights[8];
 };
 layout(std430, binding = 7) readonly buffer Surfaces { Surface surfaces[]; };
-// Of each pixel what translucent layers gave so far: colour and opacity, 1 / mm from the eye to the nearest, and of each sample
-// how much they cover of what is behind.
+// Of each pixel what translucent layers gave so far: colour and opacity, 1 / mm from the eye to the nearest, how many triangles
+// were shaded, and of each sample how much they cover of what is behind.
 layout(std430, binding = 8) buffer Layers { float layers[]; };
 layout(location = 1) uniform int phase; // 0: nothing is translucent; 1: one more layer; 2: what is opaque, behind all of them
 #if DEPTH
@@ -173,7 +173,7 @@ void main() {
   if (any(greaterThanEqual(place, tile.zw)))
     return;
   uint at = uint(place.y * tile.z + place.x), cell = 2u * ((gl_WorkGroupID.y * gl_NumWorkGroups.x + gl_WorkGroupID.x) & 63u);
-  uint layer = uint(5 + mesh.n_samples) * at, shades = 0u;
+  uint layer = uint(6 + mesh.n_samples) * at, shades = 0u;
   vec4 sum = vec4(0.0);
   float nearest = uintBitsToFloat(0x7f800000u); // infinite
   for (int s = 0; s < mesh.n_samples; s++) {
@@ -186,7 +186,7 @@ void main() {
     float n = 0.0, share = 0.0, opacity = phase == 1 ? surfaces[surface_of(triangle)].color.a : 1.0;
     vec2 middle = vec2(0.0);
     for (int i = s; i < mesh.n_samples; i++) {
-      float left = phase == 0 ? 1.0 : 1.0 - layers[layer + 5u + uint(i)];
+      float left = phase == 0 ? 1.0 : 1.0 - layers[layer + 6u + uint(i)];
       if (left < SEEN_THROUGH || seen(place, i) != triangle)
         continue;
 #if DEPTH // the nearest sample's
@@ -195,7 +195,7 @@ void main() {
 #endif
       n++, share += left * opacity / float(mesh.n_samples), middle += mesh.offsets[i].xy;
       if (phase == 1)
-        layers[layer + 5u + uint(i)] = 1.0 - left * (1.0 - opacity);
+        layers[layer + 6u + uint(i)] = 1.0 - left * (1.0 - opacity);
     }
     if (n == 0.0)
       continue;
@@ -206,6 +206,7 @@ void main() {
     shades++;
   }
   if (phase != 0) {
+    shades += uint(layers[layer + 5u]);
     sum += vec4(layers[layer], layers[layer + 1u], layers[layer + 2u], layers[layer + 3u]);
     if (layers[layer + 4u] > 0.0)
       nearest = min(nearest, 1.0 / layers[layer + 4u]);
@@ -214,10 +215,11 @@ void main() {
     for (int k = 0; k < 4; k++)
       layers[layer + uint(k)] = sum[k];
     layers[layer + 4u] = sum.a > 0.0 ? 1.0 / nearest : 0.0;
+    layers[layer + 5u] = float(shades);
     return;
   }
   if (shades > 0u)
-    atomicAdd(counters[cell + 1u].x, shades);
+    atomicAdd(counters[cell + 1u].x, shades), atomicAdd(counters[cell + 1u].z, shades);
   write_result(at, sum);
 #if DEPTH
   depths[at] = nearest;

@@ -48,8 +48,8 @@ layout(std140, binding = 0) uniform Job {
 // The tile of this dispatch: xy = first pixel, zw = size in pixels.
 layout(location = 0) uniform ivec4 tile;
 
-// Counters per cell: rays, samples (low and high word), leaps; gradients (low and high word). 64 cells, so that few
-// work-groups contend for one.
+// Counters per cell: rays, samples (low and high word), leaps; gradients (low and high word), triangles shaded. 64
+// cells, so that few work-groups contend for one.
 layout(std430, binding = 0) buffer Counters { uvec4 counters[128]; };
 layout(std430, binding = 1) writeonly buffer Picture { uint picture[]; }; // [h][w] RGBA8, R in the low byte
 

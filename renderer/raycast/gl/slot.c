@@ -55,6 +55,7 @@ void tc_gl_slot_copy(const tc_gl_slot *slot, const tc_frame_job *job) {
     frame->stats.samples += counters[1] | (uint64_t)counters[2] << 32;
     frame->stats.leaps += counters[3];
     frame->stats.gradients += counters[4] | (uint64_t)counters[5] << 32;
+    frame->stats.shaded += counters[6];
   }
   for (int row = 0; row < height; row++) {
     size_t to = (size_t)(y + row) * frame->width + x, from = (size_t)row * width, pixel = 4 * sizeof(float);
