@@ -371,7 +371,7 @@ bool tc_render(tc_renderer *renderer, tc_volume *volume, const tc_scene *scene, 
   tc_progress *progress = frame->progress;
   const tc_halt halt = tc_halt_begin(request->interrupt, progress->fruitless);
   drawing d = {.r = renderer,
-               .wanted = {.width = width, .height = height, .want_depth = request->want_depth, .moving = request->moving,
+               .wanted = {.width = width, .height = height, .want_depth = request->want_depth, .moving = request->moving, .coarser_levels = request->coarser_levels,
                           .table_size = request->table_size, .table_bits = request->table_bits},
                .job = {.scene = scene, .source = volume, .volume = volume, .label_volume = request->labels, .meshes = request->meshes,
                        .building = request->building,

@@ -20,7 +20,7 @@ static void need(tc_plan *plan, tc_resource resource) { plan->resources |= 1u <<
 
 static void need_mesh(tc_plan *plan, const tc_plan_request *request) {
   need(plan, TC_RESOURCE_MESH);
-  plan->mesh_pixels = request->moving ? PIXELS_MOVING : PIXELS_AT_REST;
+  plan->mesh_pixels = request->moving ? PIXELS_MOVING * fmax(request->coarser_levels, 1) : PIXELS_AT_REST;
 }
 
 /* ---- parts shared by several modes ---- */

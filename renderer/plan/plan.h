@@ -60,7 +60,8 @@ typedef struct tc_plan_request {
   int width, height;         /* 0 = the scene's own */
   bool maps_distance;        /* dvr skips empty space by a distance map; false: by boxes */
   bool want_depth;           /* the depth output is requested */
-  bool moving;               /* as in tc_render_request */
+  bool moving;               /* as in tc_render_request, as is what follows */
+  int coarser_levels;
   const tc_volume *field;    /* the volume's B-spline coefficients; NULL while not built: the table is then chosen for
                                 the range of the voxels, which coefficients may exceed */
   int table_size, table_bits; /* as in tc_render_request */

@@ -47,7 +47,8 @@ struct tcs_job {
   double thought_ms;              /* the owner's: expected render time; 0 = unknown */
   bool final;                     /* the owner's */
   bool hurry;                     /* the owner's: as in tc_render_request */
-  bool moving;                    /* the owner's: as in tc_render_request */
+  bool moving;                    /* the owner's: as in tc_render_request, as is what follows */
+  int coarser_levels;
   GArray *marks;                  /* the owner's; freed with the job; may be NULL */
   tcs_quality_used quality;       /* the owner's: the choice that is already in the scene */
   int meter_pixels;               /* pixels to keep for the error meter; 0 = none */

@@ -331,7 +331,7 @@ static void run_slice(tcs_task *task) {
   const bool metered = job->meter_pixels > 0;
   const tc_render_request request = {
       .width = job->width, .height = job->height, .interrupt = &job->interrupt, .building = &job->building, .resume = job->slices > 1,
-      .ledger = &job->drawing.ask, .labels = job->labels, .meshes = job->meshes, .want_linear = metered, .want_depth = metered && tc_meter_wants_depth(&job->scene), .hurry = job->hurry, .moving = job->moving};
+      .ledger = &job->drawing.ask, .labels = job->labels, .meshes = job->meshes, .want_linear = metered, .want_depth = metered && tc_meter_wants_depth(&job->scene), .hurry = job->hurry, .moving = job->moving, .coarser_levels = job->coarser_levels};
   if (job->plan_only) {
     tc_renderer_explain(renderer, job->volume, &job->scene, &request, &job->plan, &job->error);
     return;

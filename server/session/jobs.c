@@ -105,8 +105,10 @@ static void make_interactive(tcs_session *session, tcs_view *view, tcs_job *job)
   light_for_motion(&job->scene);
   tcs_ladder *ladder =
       tcs_view_ladder(view, job->scene.mode, tcs_scheduler_ms_per_sample(session->server->scheduler));
+  ladder->has_levels = job->scene.mode == TC_MODE_MESH;
   const tcs_rung rung =
       tcs_ladder_pick(ladder, samples_of(job), (double)width * height, target_ms(session, job));
+  job->coarser_levels = rung.detail;
   const double scale = MAX(rung.scale, MIN(1, LEAST_SIDE / MAX(width, height)));
   job->width = MAX(1, (int)lround(width * scale));
   job->height = MAX(1, (int)lround(height * scale));

@@ -317,9 +317,11 @@ TEST(one_thread_makes_them) {
 
 /* ---- frames ---- */
 
-static void draw(tc_renderer *r, const tc_scene *scene, bool moving, tc_frame *frame, tc_explanation *plan) {
+/* moving: 0: at rest; otherwise the factor of coarser levels. */
+static void draw(tc_renderer *r, const tc_scene *scene, int moving, tc_frame *frame, tc_explanation *plan) {
   GError *error = NULL;
-  if (!tc_render(r, f.volume, scene, &(tc_render_request){.want_depth = true, .moving = moving, .explanation = plan}, frame, &error))
+  const tc_render_request request = {.want_depth = true, .moving = moving > 0, .coarser_levels = moving, .explanation = plan};
+  if (!tc_render(r, f.volume, scene, &request, frame, &error))
     fail_msg("%s", error->message);
 }
 
@@ -334,12 +336,12 @@ static void come_beside(tc_renderer *r) {
   test_scene(&scene, 160, 120);
   test_scene_frame(&scene, f.volume, TC_PERSPECTIVE, (double[3]){0.5, -1, 0.3});
   scene.mode = TC_MODE_MESH, scene.isosurface.value = ISO;
-  draw(r, &scene, false, &full, &plan);
+  draw(r, &scene, 0, &full, &plan);
   assert_false(has_levels(&plan));
   const uint64_t before = plan.stages[TC_STAGE_MESH].bytes;
   for (int i = 0; i < 6000 && !has_levels(&plan); i++) {
     g_usleep(10000);
-    draw(r, &scene, false, &frame, &plan);
+    draw(r, &scene, 0, &frame, &plan);
   }
   assert_true(has_levels(&plan));
   printf("  %s\n", plan.stages[TC_STAGE_MESH].reason);
@@ -347,13 +349,20 @@ static void come_beside(tc_renderer *r) {
   for (int i = 0; i < 40; i++) { /* once: nothing is made anew beside later frames */
     assert_true(tc_renderer_cached(r) == f.levels->bytes && plan.stages[TC_STAGE_MESH].bytes == f.levels->bytes);
     g_usleep(10000);
-    draw(r, &scene, false, &frame, &plan);
+    draw(r, &scene, 0, &frame, &plan);
   }
   int ends = 0;
   for (int i = 0; i < 160 * 120; i++) ends += isfinite(full.depth[i]) != isfinite(frame.depth[i]);
   assert_true(ends < 160 * 120 / 100);
-  draw(r, &scene, true, &frame, &plan);
-  assert_non_null(strstr(plan.stages[TC_STAGE_MESH].reason, "within 1 pixels"));
+  size_t triangles[2];
+  for (int coarser = 1; coarser <= 2; coarser++) {
+    draw(r, &scene, coarser, &frame, &plan);
+    const char *said = strstr(plan.stages[TC_STAGE_MESH].reason, coarser == 1 ? "within 1 pixels: " : "within 2 pixels: ");
+    assert_non_null(said);
+    assert_int_equal(sscanf(said + 17, "%zu", &triangles[coarser - 1]), 1);
+  }
+  printf("  moving: %zu triangles, at coarser levels %zu\n", triangles[0], triangles[1]);
+  assert_true(triangles[1] < triangles[0]);
 }
 
 TEST(levels_come_beside) {

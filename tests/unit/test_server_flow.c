@@ -135,6 +135,25 @@ TEST(test_ladder_does_not_swing) {
   assert_true(scale(&ladder, TCS_LADDER_TARGET_MS) == 1.0);
 }
 
+/* A mesh has coarser levels of detail before it has fewer pixels, where they gain what is needed. */
+TEST(test_ladder_takes_coarser_levels_first) {
+  for (int pixels_take_it = 0; pixels_take_it < 2; pixels_take_it++) {
+    tcs_ladder ladder = {.has_levels = true};
+    int smaller = 0, coarser = 0;
+    for (int i = 0; i < 60; i++) { /* 50 ms in full; 25 at the coarser levels, or no less */
+      const tcs_rung rung = tcs_ladder_pick(&ladder, 1e6, 1e6, TCS_LADDER_TARGET_MS);
+      const double area = rung.scale * rung.scale, ms = pixels_take_it ? 50 * area : rung.detail > 1 ? 25 * area : 50 * area;
+      smaller += rung.scale < 1, coarser += rung.detail > 1 && rung.scale == 1;
+      tcs_ladder_measure(&ladder, 1e6 * area, ms);
+    }
+    print_message("  %d frames with fewer pixels, %d with coarser levels alone\n", smaller, coarser);
+    assert_true(pixels_take_it ? smaller >= 55 : smaller == 0 && coarser == 59);
+  }
+  tcs_ladder other = {0};
+  tcs_ladder_measure(&other, 1e6, 40);
+  assert_true(scale(&other, TCS_LADDER_TARGET_MS) == 0.75);
+}
+
 TEST(test_ladder_keeps_the_time_it_is_given) {
   tcs_ladder ladder = {0};
   tcs_ladder_measure(&ladder, 1e6, 20);
