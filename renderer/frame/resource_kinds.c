@@ -220,7 +220,7 @@ static void *labels_begin(const tc_making *m, GError **error) {
 
 /* ---- mesh ---- */
 
-/* Share of the budget for a mesh: while clusters are built, the mesh, sorting buffers and clusters exist together. */
+/* Share of the budget for a mesh: while clusters are built, the mesh, buffers and clusters exist together. */
 #define MESH_SHARE 0.4
 
 static void free_surfaces(void *thing) { tc_surfaces_free(thing); }

@@ -1,7 +1,7 @@
 /* A mesh cut into clusters of neighbouring triangles: what the rasteriser (raster.h) draws.
  *
- * Triangles are sorted along a Morton curve through their middles and cut where a cluster is full, so that a cluster is
- * compact: one test of its sphere culls all of its triangles when they are outside the view or occluded, one test of its
+ * Triangles are cut where a cluster is full, along a curve that fills space: the order of an extracted mesh (bricks.h), or a
+ * Morton curve through the middles of any other's triangles. A cluster is therefore compact: one test of its sphere culls all of its triangles when they are outside the view or occluded, one test of its
  * cone when all of them face away. Within a cluster vertices are numbered by bytes, which is less than the 16 bits of
  * an index buffer (Knigavko and Avrunin) and needs no more than its own vertices in the cache. About 15 bytes a
  * triangle, 18 with colours; the mesh it was made from is not needed any more. Immutable; any thread may read it. */

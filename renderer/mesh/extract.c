@@ -1,6 +1,6 @@
 /* Isosurface extraction (mesh.h) in three parallel passes over rows of voxels:
  *   inside   a bit per voxel;
- *   count    vertices (crossed edges) and triangles of each row; prefix sums give the number of each row's first ones;
+ *   count    vertices (crossed edges) of each row, triangles of each brick of cells; prefix sums give the number of the first ones;
  *   fill     writes vertices and triangles. A vertex's number is its row's first number plus the crossed edges before it. */
 #ifdef __SSE2__
 #include <emmintrin.h>
@@ -9,22 +9,25 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "renderer/mesh/bricks.h"
 #include "renderer/mesh/cases.h"
 #include "renderer/mesh/mesh.h"
 
 #define NEAREST (1.0 / 1024) /* least distance of a vertex from the ends of its edge, as a share of the edge */
 
+#define BRICK_LINES 6 /* cache lines of a brick's triangles that are prefetched */
 #define AHEAD 2 /* rows whose voxels are prefetched */
 
 typedef uint64_t word; /* 64 voxels of a row */
 
-/* Row of voxels (y, z): numbers of its first vertices on edges along x, y and z and in cell centres, and of the first triangle
- * of the cells between this row, the next one and the two above. Before the prefix sum: counts. */
+/* Row of voxels (y, z): numbers of its first vertices on edges along x, y and z and in the centres of the cells between this
+ * row, the next one and the two above. Before the prefix sum: counts. */
 enum { CENTRE = 3, VERTEX_KINDS };
 typedef struct row {
   uint32_t vertex[VERTEX_KINDS];
-  uint32_t triangle;
 } row;
+
+#define BAR_ROWS (8 * TC_BRICK) /* rows along y of a task, which has TC_BRICK planes */
 
 typedef struct extraction {
   const tc_volume *volume;
@@ -36,6 +39,9 @@ typedef struct extraction {
   word *inside;        /* [z][y][words]; bits beyond the row repeat its last voxel */
   const uint8_t *gaps; /* [z][y][x], tc_volume_gaps; NULL: the volume has none */
   row *rows;           /* [z][y] */
+  tc_bricks bricks;
+  int bars[2];         /* number of tasks along y, z */
+  bool mirrored;       /* left-handed index axes */
   double to_mm[3][3];  /* index displacement -> LPS mm */
   double middle[3];    /* index position of the mesh's origin */
   size_t stride[3];    /* distance of neighbouring voxels along each axis, in voxels */
@@ -179,11 +185,14 @@ static word active_cells(const extraction *e, const cell_row *c, int w) {
   return any & ~all & (cells >= 64 ? ~(word)0 : cells > 0 ? ((word)1 << cells) - 1 : 0);
 }
 
-static int bit_at(const word *bits, int x) { return (int)(bits[x >> 6] >> (x & 63) & 1); }
-
 static uint8_t pattern_of(const cell_row *c, int x) {
-  int pattern = 0;
-  for (int i = 0; i < 4; i++) pattern |= bit_at(c->bits[i], x) << 2 * i | bit_at(c->bits[i], x + 1) << (2 * i + 1);
+  const int w = x >> 6, b = x & 63;
+  unsigned pattern = 0;
+  for (int i = 0; i < 4; i++) {
+    word both = c->bits[i][w] >> b; /* of the voxels at x and x + 1 */
+    if (b == 63) both |= c->bits[i][w + 1] << 1;
+    pattern |= (unsigned)(both & 3) << 2 * i;
+  }
   return (uint8_t)pattern;
 }
 
@@ -207,12 +216,22 @@ static const tc_cell_case *case_at(const extraction *e, const cell_row *c, int x
 
 /* ---- count ---- */
 
+/* The rows of a task. */
+typedef struct bar {
+  int y0, y1, z0, z1;
+} bar;
+
+static bar bar_at(const extraction *e, int task) {
+  const int y = task % e->bars[0] * BAR_ROWS, z = task / e->bars[0] * TC_BRICK;
+  return (bar){y, MIN(y + BAR_ROWS, e->dims[1]), z, MIN(z + TC_BRICK, e->dims[2])};
+}
+
 static void count_row(extraction *e, int y, int z) {
   row *r = e->rows + row_at(e, y, z);
   const bool has[3] = {true, y + 1 < e->dims[1], z + 1 < e->dims[2]};
   const word *here = bits_at(e, y, z), *side = has[1] ? bits_at(e, y + 1, z) : here,
              *above = has[2] ? bits_at(e, y, z + 1) : here;
-  *r = (row){{0}, 0};
+  *r = (row){{0}};
   for (int w = 0; w < e->words; w++) {
     int voxels = e->dims[0] - 64 * w;
     word there = voxels >= 64 ? ~(word)0 : ((word)1 << voxels) - 1;
@@ -222,32 +241,37 @@ static void count_row(extraction *e, int y, int z) {
   }
   if (!has[1] || !has[2]) return;
   const cell_row cells = cells_at(e, y, z);
+  uint32_t *bricks = tc_bricks_along(&e->bricks, y, z);
   for (int w = 0; w < e->words; w++)
     for (word left = active_cells(e, &cells, w); left; left &= left - 1) {
-      const tc_cell_case *cell = case_at(e, &cells, 64 * w + __builtin_ctzll(left));
-      r->triangle += cell->n_triangles;
+      const int x = 64 * w + __builtin_ctzll(left);
+      const tc_cell_case *cell = case_at(e, &cells, x);
+      bricks[x / TC_BRICK] += cell->n_triangles;
       r->vertex[CENTRE] += cell->centre;
     }
 }
 
-static void count_plane(void *context, int z, int worker) {
+static void count_bar(void *context, int task, int worker) {
   extraction *e = context;
-  for (int y = 0; y < e->dims[1]; y++) count_row(e, y, z);
+  const bar b = bar_at(e, task);
+  for (int z = b.z0; z < b.z1; z++)
+    for (int y = b.y0; y < b.y1; y++) count_row(e, y, z);
 }
 
-/* Prefix sum: turns counts into first numbers and returns the totals. */
-static void sum_rows(extraction *e, uint64_t *vertices, uint64_t *triangles) {
-  size_t n = (size_t)e->dims[1] * (size_t)e->dims[2];
-  *vertices = *triangles = 0;
-  for (size_t i = 0; i < n; i++) {
-    const row counts = e->rows[i];
-    for (int k = 0; k < VERTEX_KINDS; k++) {
-      e->rows[i].vertex[k] = (uint32_t)*vertices;
-      *vertices += counts.vertex[k];
-    }
-    e->rows[i].triangle = (uint32_t)*triangles;
-    *triangles += counts.triangle;
+/* Prefix sum in the order in which rows are filled: turns counts into first numbers and returns the total. */
+static uint64_t sum_rows(extraction *e) {
+  uint64_t vertices = 0;
+  for (int task = 0; task < e->bars[0] * e->bars[1]; task++) {
+    const bar b = bar_at(e, task);
+    for (int z = b.z0; z < b.z1; z++)
+      for (row *r = e->rows + row_at(e, b.y0, z), *end = e->rows + row_at(e, b.y1, z); r < end; r++)
+        for (int k = 0; k < VERTEX_KINDS; k++) {
+          const uint32_t count = r->vertex[k];
+          r->vertex[k] = (uint32_t)vertices;
+          vertices += count;
+        }
   }
+  return vertices;
 }
 
 /* ---- vertices ---- */
@@ -405,7 +429,9 @@ static void number_edges(const edge_rows *r, int b, uint32_t number[TC_CELL_EDGE
 
 static void make_triangles(const extraction *e, int y, int z) {
   const cell_row c = cells_at(e, y, z);
-  uint32_t(*out)[3] = e->mesh->triangles + c.rows[0]->triangle, number[TC_CELL_EDGES + 1];
+  uint32_t *next = tc_bricks_along(&e->bricks, y, z), number[TC_CELL_EDGES + 1];
+  uint32_t(*const triangles)[3] = e->mesh->triangles;
+  const int second = e->mirrored ? 2 : 1, third = 3 - second; /* left-handed index axes mirror a triangle's orientation */
   edge_rows r;
   number[TC_CELL_CENTRE] = c.rows[0]->vertex[CENTRE];
   begin_edges(&r, &c);
@@ -414,37 +440,49 @@ static void make_triangles(const extraction *e, int y, int z) {
     for (word left = active_cells(e, &c, w); left; left &= left - 1) {
       int b = __builtin_ctzll(left), x = 64 * w + b;
       const tc_cell_case *cell = case_at(e, &c, x);
+      uint32_t(*out)[3] = triangles + next[x / TC_BRICK];
+      next[x / TC_BRICK] += cell->n_triangles;
       number_edges(&r, b, number);
       for (int t = 0; t < cell->n_triangles; t++, out++)
-        for (int k = 0; k < 3; k++) (*out)[k] = number[cell->edges[t][k]];
+        (*out)[0] = number[cell->edges[t][0]], (*out)[1] = number[cell->edges[t][second]], (*out)[2] = number[cell->edges[t][third]];
       if (cell->centre) put_centre(e, number[TC_CELL_CENTRE]++, cell, x, y, z);
     }
     leave_word(&r);
   }
 }
 
-static void fill_plane(void *context, int z, int worker) {
-  const extraction *e = context;
-  for (int y = 0; y < e->dims[1]; y++) {
-    switch (e->type) {
-    case TC_U8: make_vertices(e, TC_U8, y, z); break;
-    case TC_I8: make_vertices(e, TC_I8, y, z); break;
-    case TC_U16: make_vertices(e, TC_U16, y, z); break;
-    case TC_I16: make_vertices(e, TC_I16, y, z); break;
-    case TC_F32:
-    case TC_VOXEL_TYPE_COUNT: make_vertices(e, TC_F32, y, z); break;
-    }
-    if (y + 1 < e->dims[1] && z + 1 < e->dims[2]) make_triangles(e, y, z);
+static void fill_row(const extraction *e, int y, int z) {
+  switch (e->type) {
+  case TC_U8: make_vertices(e, TC_U8, y, z); break;
+  case TC_I8: make_vertices(e, TC_I8, y, z); break;
+  case TC_U16: make_vertices(e, TC_U16, y, z); break;
+  case TC_I16: make_vertices(e, TC_I16, y, z); break;
+  case TC_F32:
+  case TC_VOXEL_TYPE_COUNT: make_vertices(e, TC_F32, y, z); break;
+  }
+  if (y + 1 < e->dims[1] && z + 1 < e->dims[2]) make_triangles(e, y, z);
+}
+
+/* Numbers the first triangles of a row of bricks in the whole mesh, and has their places brought near: they are in no order that
+ * the processor foresees. */
+static void enter_bricks(const extraction *e, int y, int z) {
+  const uint64_t *blocks = tc_bricks_blocks(&e->bricks, y, z);
+  uint32_t *next = tc_bricks_along(&e->bricks, y, z);
+  for (int x = 0; x < e->bricks.n[0]; x++) {
+    next[x] += (uint32_t)blocks[x / TC_BLOCK];
+    const char *at = (const char *)(e->mesh->triangles + next[x]);
+    for (int line = 0; line < BRICK_LINES; line++) __builtin_prefetch(at + 64 * line, 1);
   }
 }
 
-/* Left-handed index axes mirror the triangles' orientation. */
-static void turn_over(tc_mesh *mesh) {
-  for (size_t i = 0; i < mesh->n_triangles; i++) {
-    uint32_t last = mesh->triangles[i][2];
-    mesh->triangles[i][2] = mesh->triangles[i][1];
-    mesh->triangles[i][1] = last;
-  }
+static void fill_bar(void *context, int task, int worker) {
+  const extraction *e = context;
+  const bar b = bar_at(e, task);
+  for (int z = b.z0; z < b.z1; z++)
+    for (int y = b.y0; y < b.y1; y++) {
+      if (z == b.z0 && y % TC_BRICK == 0 && y + 1 < e->dims[1] && z + 1 < e->dims[2]) enter_bricks(e, y, z);
+      fill_row(e, y, z);
+    }
 }
 
 /* ---- all ---- */
@@ -462,6 +500,13 @@ static void set_range(extraction *e) {
   e->least = e->turn > 0 ? fmaxf(level, least) : least;
   e->most = e->turn > 0 ? most : fminf(-level, most);
   if (e->least > most || e->most < least) e->least = most, e->most = least;
+}
+
+static bool left_handed(const extraction *e) {
+  const double(*m)[3] = e->to_mm;
+  return m[0][0] * (m[1][1] * m[2][2] - m[1][2] * m[2][1]) - m[0][1] * (m[1][0] * m[2][2] - m[1][2] * m[2][0]) +
+             m[0][2] * (m[1][0] * m[2][1] - m[1][1] * m[2][0]) <
+         0;
 }
 
 static void set_up(extraction *e, const tc_volume *volume, double iso) {
@@ -485,13 +530,8 @@ static void set_up(extraction *e, const tc_volume *volume, double iso) {
     scale = fmax(scale, fabs(to_index[k])); /* only the direction matters; scaled so that squares do not overflow single precision */
   for (int i = 0; i < 3; i++)
     for (int k = 0; k < 3; k++) e->outward[i][k] = (float)(-to_index[3 * k + i] / scale);
-}
-
-static bool left_handed(const extraction *e) {
-  const double(*m)[3] = e->to_mm;
-  return m[0][0] * (m[1][1] * m[2][2] - m[1][2] * m[2][1]) - m[0][1] * (m[1][0] * m[2][2] - m[1][2] * m[2][0]) +
-             m[0][2] * (m[1][0] * m[2][1] - m[1][1] * m[2][0]) <
-         0;
+  e->mirrored = left_handed(e);
+  e->bars[0] = (e->dims[1] + BAR_ROWS - 1) / BAR_ROWS, e->bars[1] = (e->dims[2] + TC_BRICK - 1) / TC_BRICK;
 }
 
 /* Removes vertices of cells with gaps, which no triangle uses. */
@@ -517,9 +557,10 @@ static bool drop_unused(tc_mesh *m, GError **error) {
 }
 
 static bool make_mesh(extraction *e, const tc_mesh_options *options, GError **error) {
-  uint64_t vertices, triangles;
-  sum_rows(e, &vertices, &triangles);
-  uint64_t bytes = tc_mesh_bytes(vertices, triangles, options->normals);
+  const uint64_t vertices = sum_rows(e);
+  uint64_t triangles;
+  if (!tc_bricks_sum(&e->bricks, options->pool, &triangles)) return tc_halt_say(tc_pool_halt(options->pool), error);
+  const uint64_t bytes = tc_mesh_bytes(vertices, triangles, options->normals);
   if (options->max_bytes && bytes > options->max_bytes) {
     tc_set_error(error, TC_ERROR_LIMIT, NULL, "isosurface: %.1f million triangles take %.0f MiB, %.0f MiB are allowed",
                  (double)triangles * 1e-6, (double)bytes / 0x1p20, (double)options->max_bytes / 0x1p20);
@@ -528,7 +569,8 @@ static bool make_mesh(extraction *e, const tc_mesh_options *options, GError **er
   e->mesh = tc_mesh_new(vertices, triangles, options->normals, error);
   if (!e->mesh) return false;
   tc_volume_index_to_lps(e->volume, e->middle, e->mesh->origin);
-  if (!tc_pool_run(options->pool, e->dims[2], fill_plane, e)) return tc_halt_say(tc_pool_halt(options->pool), error);
+  e->mesh->ordered = true;
+  if (!tc_pool_run(options->pool, e->bars[0] * e->bars[1], fill_bar, e)) return tc_halt_say(tc_pool_halt(options->pool), error);
   return !e->gaps || drop_unused(e->mesh, error);
 }
 
@@ -536,13 +578,14 @@ static bool extract(extraction *e, const tc_mesh_options *options, GError **erro
   size_t rows = (size_t)e->dims[1] * (size_t)e->dims[2];
   e->rows = malloc(rows * sizeof *e->rows);
   e->inside = malloc(rows * (size_t)e->words * sizeof *e->inside);
-  if (!e->rows || !e->inside) {
+  const bool begun = tc_bricks_begin(&e->bricks, (const int[3]){e->dims[0] - 1, e->dims[1] - 1, e->dims[2] - 1});
+  if (!e->rows || !e->inside || !begun) {
     tc_set_error(error, TC_ERROR_MEMORY, NULL, "isosurface: out of memory");
     return false;
   }
   if (!tc_pool_run(options->pool, e->dims[2], find_inside, e)) return tc_halt_say(tc_pool_halt(options->pool), error);
   tc_share_done(&options->share, 0.2);
-  if (!tc_pool_run(options->pool, e->dims[2], count_plane, e)) return tc_halt_say(tc_pool_halt(options->pool), error);
+  if (!tc_pool_run(options->pool, e->bars[0] * e->bars[1], count_bar, e)) return tc_halt_say(tc_pool_halt(options->pool), error);
   tc_share_done(&options->share, 0.5);
   return make_mesh(e, options, error);
 }
@@ -558,10 +601,8 @@ tc_mesh *tc_mesh_extract(const tc_volume *volume, double iso, const tc_mesh_opti
   bool made = extract(&e, options, error);
   free(e.rows);
   free(e.inside);
-  if (!made) {
-    tc_mesh_free(e.mesh);
-    return NULL;
-  }
-  if (left_handed(&e)) turn_over(e.mesh);
-  return e.mesh;
+  tc_bricks_end(&e.bricks);
+  if (made) return e.mesh;
+  tc_mesh_free(e.mesh);
+  return NULL;
 }

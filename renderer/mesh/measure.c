@@ -5,19 +5,20 @@
 #include <string.h>
 
 void tc_mesh_measure(const tc_mesh *m, tc_mesh_measures *measures) {
-  uint64_t edges = 0;
+  uint64_t border = 0;
   float low[3], high[3];
   for (int k = 0; k < 3; k++) low[k] = INFINITY, high[k] = -INFINITY;
-  for (size_t i = 0; i < m->n_triangles; i++)
+  for (size_t i = 0; i < m->n_triangles; i++) {
+    border += tc_mesh_triangle_sum(m->triangles[i]);
     for (int c = 0; c < 3; c++) {
       const uint32_t v = m->triangles[i][c];
-      edges += tc_mesh_edge_sum(v, m->triangles[i][(c + 1) % 3]);
       for (int k = 0; k < 3; k++) {
         low[k] = fminf(low[k], m->positions[v][k]);
         high[k] = fmaxf(high[k], m->positions[v][k]);
       }
     }
-  measures->closed = edges == 0;
+  }
+  measures->closed = border == 0;
   for (int k = 0; k < 3; k++) {
     measures->low[k] = m->n_triangles ? m->origin[k] + low[k] : 0;
     measures->high[k] = m->n_triangles ? m->origin[k] + high[k] : 0;

@@ -16,13 +16,27 @@ void tc_mesh_measure(const tc_mesh *mesh, tc_mesh_measures *measures);
  * milliseconds (TC_ERROR_CANCELLED); on that or TC_ERROR_MEMORY the mesh still has no normals. */
 bool tc_mesh_add_normals(tc_mesh *mesh, bool (*goes_on)(void *user), void *user, GError **error);
 
-/* A hash of a directed edge; the opposite direction has the negative hash. The sum over all edges of a closed mesh is 0. */
-static inline uint64_t tc_mesh_edge_sum(uint32_t a, uint32_t b) {
-  uint64_t x = a < b ? (uint64_t)a << 32 | b : (uint64_t)b << 32 | a;
-  x = (x ^ x >> 31) * 0x7fb5d329728ea185u;
-  x = (x ^ x >> 27) * 0x81dadef4bc2dd44du;
-  x ^= x >> 33;
-  return a == b ? 0 : a < b ? x : 0 - x;
+/* Closedness: a random point of the plane belongs to each vertex. The sum of the triangles' signed areas between these points,
+ * modulo 2^64, is 0 if the mesh is closed, since it depends on the mesh's border only; otherwise it is not, but for one border in
+ * about 2^31. */
+typedef struct tc_mesh_point {
+  uint32_t x, y;
+} tc_mesh_point;
+
+static inline tc_mesh_point tc_mesh_point_of(uint32_t vertex) {
+  uint64_t x = (vertex + 0x9e3779b97f4a7c15u) * 0x7fb5d329728ea185u;
+  x = (x ^ x >> 32) * 0x81dadef4bc2dd44du;
+  x ^= x >> 29;
+  return (tc_mesh_point){(uint32_t)x, (uint32_t)(x >> 32)};
+}
+
+static inline uint64_t tc_mesh_area_of(tc_mesh_point a, tc_mesh_point b, tc_mesh_point c) { /* twice the area */
+  const uint64_t ux = (uint64_t)b.x - a.x, uy = (uint64_t)b.y - a.y, vx = (uint64_t)c.x - a.x, vy = (uint64_t)c.y - a.y;
+  return ux * vy - uy * vx;
+}
+
+static inline uint64_t tc_mesh_triangle_sum(const uint32_t t[3]) {
+  return tc_mesh_area_of(tc_mesh_point_of(t[0]), tc_mesh_point_of(t[1]), tc_mesh_point_of(t[2]));
 }
 
 #endif

@@ -21,6 +21,7 @@ typedef struct tc_mesh {
   float (*normals)[3];      /* [n_vertices], unit; NULL where there are none */
   uint32_t *colors;         /* [n_vertices], sRGB: red in the lowest byte, then green, blue; NULL where there are none */
   uint32_t (*triangles)[3]; /* [n_triangles] vertex numbers, counter-clockwise seen from where normals point to */
+  bool ordered;             /* successive triangles are near each other; all vertices are finite, no triangle is degenerate */
   size_t bytes;             /* of the arrays */
   uint64_t serial;          /* unique in the process; keys caches */
   int references;           /* tc_mesh_ref() and tc_mesh_free() count them */
@@ -60,9 +61,9 @@ typedef struct tc_mesh_options {
  * open only at the volume's faces. Vertices keep a distance of 1/1024 of an edge from voxel centres, so that no triangle is
  * degenerate even if voxels have exactly the value `iso`.
  *
- * Vertices are numbered by plane, row and kind of edge, so that a number follows from counting bits and rows can be
- * processed in any order, as in flying edges (Schroeder, Maynard and Geveci, LDAV 2015). The mesh does not depend on the
- * number of threads. A value that does not occur gives a mesh without triangles. */
+ * Vertices are numbered by row and kind of edge, so that a number follows from counting bits and rows can be
+ * processed in any order, as in flying edges (Schroeder, Maynard and Geveci, LDAV 2015); triangles by bricks of cells
+ * (bricks.h). The mesh does not depend on the number of threads. A value that does not occur gives a mesh without triangles. */
 tc_mesh *tc_mesh_extract(const tc_volume *volume, double iso, const tc_mesh_options *options, GError **error);
 
 /* Bounding box of each label of an integer volume (others: TC_ERROR_INVALID), found in one pass. */

@@ -5,7 +5,7 @@
 
 #include "renderer/mesh/measure.h"
 
-#define MESH_TIME 0.3 /* typical share of the extraction in a surface's build time; the rest is its clusters */
+#define MESH_TIME 0.6 /* typical share of the extraction in a surface's build time; the rest is its clusters */
 
 struct tc_surfaces {
   tc_mesh *mesh; /* extracted mesh whose clusters are built next */

@@ -42,6 +42,39 @@ static int tear_down(void **state) {
   return 0;
 }
 
+/* ---- clusters ---- */
+
+static tc_clusters *made_with(int threads, bool ordered, double *radius) {
+  tc_pool *pool = tc_pool_new(threads, NULL);
+  g_autoptr(tc_mesh) mesh = tc_mesh_extract(f.volume, ISO, &(tc_mesh_options){.normals = true, .pool = pool}, NULL);
+  assert_true(mesh->ordered);
+  mesh->ordered = ordered;
+  tc_clusters *c = tc_clusters_make(mesh, pool, NULL, NULL);
+  *radius = 0;
+  for (size_t i = 0; i < c->n; i++) *radius += (double)c->clusters[i].radius / (double)c->n;
+  tc_pool_free(pool);
+  return c;
+}
+
+/* The order of an extracted mesh gives clusters as compact as those of sorted triangles, and as many; threads change nothing. */
+TEST(clusters_follow_the_order_of_the_mesh) {
+  double radius[2], other;
+  size_t n[2];
+  for (int ordered = 0; ordered < 2; ordered++) {
+    tc_clusters *a = made_with(1, ordered, &radius[ordered]), *b = made_with(3, ordered, &other);
+    n[ordered] = a->n;
+    assert_true(a->n == b->n && a->vertex_room == b->vertex_room && a->triangle_room == b->triangle_room);
+    assert_int_equal(a->n_triangles, f.full->n_triangles);
+    assert_memory_equal(a->clusters, b->clusters, a->n * sizeof *a->clusters);
+    assert_memory_equal(a->positions, b->positions, a->vertex_room * 12);
+    assert_memory_equal(a->normals, b->normals, a->vertex_room * 4);
+    assert_memory_equal(a->triangles, b->triangles, a->triangle_room * 3);
+    tc_clusters_free(a), tc_clusters_free(b);
+  }
+  printf("  sorted: %zu clusters of mean radius %.2f mm; as extracted: %zu of %.2f mm\n", n[0], radius[0], n[1], radius[1]);
+  assert_true(radius[1] < 1.05 * radius[0] && (double)n[1] < 1.05 * (double)n[0]);
+}
+
 /* ---- geometry ---- */
 
 static void corners_of(const tc_clusters *c, const tc_cluster *k, size_t t, double at[3][3]) {
