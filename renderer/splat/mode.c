@@ -51,6 +51,8 @@ static void matter_of(const void *user, const int at[3], float rgbk[4]) {
   rgbk[3] = m->table[of[1]][3];
 }
 
+static void fetch_ahead(const void *user, const int at[3]) { tc_volume_fetch(((const tc_splat_look *)user)->volume, at); }
+
 /* A label's opacity is that of a millimetre. The last entry is of what has none. */
 static void set_labels(tc_splat_look *m) {
   for (int i = 0; i < m->n; i++) {
@@ -154,7 +156,7 @@ bool tc_splat_mode_draw(tc_pool *pool, const tc_frame_job *job, GError **error) 
                          .counts = &counts};
   tc_splat_look *look;
   if (!tc_splat_look_make(job, &look, error)) return false;
-  if (look) splats.matter = (tc_splat_matter){matter_of, look};
+  if (look) splats.matter = (tc_splat_matter){matter_of, fetch_ahead, look};
   const bool drawn = tc_splat_draw(&splats, error);
   job->frame->stats.samples += counts.depths + counts.drawn;
   tc_splat_look_free(look);

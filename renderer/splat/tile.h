@@ -21,6 +21,7 @@ enum { TC_SUM_WEIGHT, TC_SUM_NORMAL, TC_SUM_COLOR = TC_SUM_NORMAL + 3, TC_SUMS =
 /* A voxel's colour (0..1 a channel, compositing space) and extinction (1/mm), looked up for visible voxels only. */
 typedef struct tc_splat_matter {
   void (*of)(const void *user, const int at[3], float rgbk[4]); /* NULL: all are of one colour; opaque */
+  void (*ahead)(const void *user, const int at[3]); /* fetches into the cache what .of will read soon; NULL: nobody does */
   const void *user;
 } tc_splat_matter;
 

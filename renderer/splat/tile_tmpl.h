@@ -303,11 +303,15 @@ static void put_depths(const tc_splat_args *g, const tc_splat_entry *e, tc_splat
 
 V_INLINE void add_to(float *p, vi amount) { v_store(p, v_from_bits(v_addi(v_bits(v_load(p)), amount))); }
 
-V_INLINE void look_at_voxel(const tc_splat_args *g, const tc_splat_entry *e, uint32_t splat, float rgbk[4]) {
+V_INLINE void voxel_of(const tc_splat_entry *e, uint32_t splat, int at[3]) {
   const tc_splat_brick *brick = &e->of->bricks[e->brick];
   const uint32_t word = e->of->words[splat];
-  int at[3];
   for (int k = 0; k < 3; k++) at[k] = tc_splat_brick_at(brick, k) * TC_SPLAT_BRICK + (int)(word >> 4 * k & 15);
+}
+
+V_INLINE void look_at_voxel(const tc_splat_args *g, const tc_splat_entry *e, uint32_t splat, float rgbk[4]) {
+  int at[3];
+  voxel_of(e, splat, at);
   g->matter.of(g->matter.user, at, rgbk);
 }
 
@@ -386,8 +390,8 @@ V_INLINE void add_footprint(const tc_splat_args *g, const batch *b, int i, const
     }
 }
 
-static void color(const tc_splat_args *g, const batch *b, tc_splat_tile *t) {
-  unsigned front, left = shown(g, b, t, &front);
+/* Lanes `left`. */
+static void color(const tc_splat_args *g, const batch *b, unsigned left, tc_splat_tile *t) {
   vf normal[3];
   float normals[3][V_LANES];
   if (!left) return;
@@ -397,14 +401,34 @@ static void color(const tc_splat_args *g, const batch *b, tc_splat_tile *t) {
   for (; left; left &= left - 1) add_footprint(g, b, __builtin_ctz(left), normals, t);
 }
 
+#define AHEAD 4 /* batches between fetching voxels' values into the cache and their use; a power of two */
+
+V_INLINE unsigned look_ahead(const tc_splat_args *g, const batch *b, const tc_splat_tile *t) {
+  unsigned front;
+  const unsigned left = shown(g, b, t, &front);
+  for (unsigned more = g->matter.ahead ? left : 0; more; more &= more - 1) {
+    int at[3];
+    voxel_of(b->entry, b->first + (uint32_t)__builtin_ctz(more), at);
+    g->matter.ahead(g->matter.user, at);
+  }
+  return left;
+}
+
 static void put_kept(const tc_splat_args *g, tc_splat_tile *t) {
-  for (uint32_t i = 0; i < (uint32_t)t->n_kept && !leaves(g, i, t); i++) color(g, (const batch *)(const void *)t->kept + i, t);
+  const batch *kept = (const batch *)(const void *)t->kept;
+  unsigned left[AHEAD];
+  const uint32_t n = (uint32_t)t->n_kept;
+  for (uint32_t i = 0; i < n + AHEAD && !leaves(g, i, t); i++) {
+    if (i >= AHEAD) color(g, kept + (i - AHEAD), left[i % AHEAD], t);
+    if (i < n) left[i % AHEAD] = look_ahead(g, kept + i, t);
+  }
 }
 
 static void put_colors(const tc_splat_args *g, const tc_splat_entry *e, tc_splat_tile *t) {
   batch b;
+  unsigned front;
   for (uint32_t i = 0; i < batches_of(e) && !leaves(g, i, t); i++)
-    if (project(g, e, t, e->of->bricks[e->brick].first + V_LANES * i, &b)) color(g, &b, t);
+    if (project(g, e, t, e->of->bricks[e->brick].first + V_LANES * i, &b)) color(g, &b, shown(g, &b, t, &front), t);
 }
 
 /* ---- light ---- */

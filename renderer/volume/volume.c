@@ -461,11 +461,19 @@ void tc_volume_index_box(const tc_volume *volume, double lo[3], double hi[3]) {
   }
 }
 
+static size_t place_of(const tc_volume *v, const int at[3]) {
+  return ((size_t)at[2] * (size_t)v->desc.dims[1] + (size_t)at[1]) * (size_t)v->desc.dims[0] + (size_t)at[0];
+}
+
+void tc_volume_fetch(const tc_volume *v, const int at[3]) {
+  if (v->voxels) __builtin_prefetch((const char *)v->voxels + place_of(v, at) * tc_voxel_size(v->desc.type));
+}
+
 bool tc_volume_voxel(const tc_volume *v, const int at[3], double *voxel) {
   for (int k = 0; k < 3; k++)
     if (at[k] < 0 || at[k] >= v->desc.dims[k]) return false;
   if (v->sparse.model) return v->sparse.voxel(v->sparse.model, at, voxel);
-  const size_t i = ((size_t)at[2] * (size_t)v->desc.dims[1] + (size_t)at[1]) * (size_t)v->desc.dims[0] + (size_t)at[0];
+  const size_t i = place_of(v, at);
   *voxel = tc_voxel_at(v->desc.type, v->voxels, i);
   return !is_gap(v, i);
 }

@@ -108,6 +108,8 @@ static inline const void *tc_volume_model(const tc_volume *volume) {
 
 /* The stored voxel; false: outside the grid, NaN, or free. */
 bool tc_volume_voxel(const tc_volume *volume, const int at[3], double *voxel);
+/* Has the memory of a voxel that will soon be asked for read into the cache; within the grid. */
+void tc_volume_fetch(const tc_volume *volume, const int at[3]);
 
 /* Index (voxel) coordinates <-> LPS mm. */
 void tc_volume_index_to_lps(const tc_volume *volume, const double index[3], double lps[3]);

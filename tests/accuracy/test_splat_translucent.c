@@ -85,7 +85,7 @@ TEST(translucent_splats_show_the_blurred_field) {
     scene.splat.opaque = false;
     scene.splat.kernel_radius = i % 2 ? 1 : 1.5;
     scene.shading.model = i < 10 ? TC_SHADING_NONE : TC_SHADING_LAMBERT;
-    draw_now(o, &scene, (wish){.matter = {matter_of, &extinction}}, &d);
+    draw_now(o, &scene, (wish){.matter = {.of = matter_of, .user = &extinction}}, &d);
     double sum = 0, worst = 0, truth[4];
     int n = 0;
     for (int p = 17; p < SIDE * SIDE; p += 41) {
@@ -149,7 +149,7 @@ TEST(constant_clouds_are_constant) {
     scene.splat.opaque = false;
     scene.splat.kernel_radius = i % 3 ? 1 : 1.5;
     scene.shading.model = TC_SHADING_NONE;
-    draw_now(o, &scene, (wish){.matter = {constant_matter, &extinction}}, &d);
+    draw_now(o, &scene, (wish){.matter = {.of = constant_matter, .user = &extinction}}, &d);
     for (int p = 5; p < SIDE * SIDE; p += 7) {
       const double way = way_through(o, &scene, p % SIDE, p / SIDE);
       if (way <= 0) continue;
