@@ -49,26 +49,55 @@ static void add_word(const pile *p, const int at[3], unsigned faces, const doubl
   g_array_index(p->bricks, tc_splat_brick, p->bricks->len - 1).faces |= faces & 63;
 }
 
-/* The last brick's splats by their free faces: neighbours in memory look away from the eye together. */
-static void sort_by_faces(const pile *p, uint32_t first) {
-  enum { most = TC_SPLAT_BRICK * TC_SPLAT_BRICK * TC_SPLAT_BRICK };
-  const uint32_t n = p->words->len - first;
-  uint32_t *words = &g_array_index(p->words, uint32_t, first), from[most], next[65] = {0};
-  uint8_t *insets = &g_array_index(p->insets, uint8_t, first), own[most];
-  memcpy(from, words, n * sizeof *words), memcpy(own, insets, n);
-  for (uint32_t i = 0; i < n; i++) next[(from[i] >> 12 & 63) + 1]++;
-  for (int f = 0; f < 64; f++) next[f + 1] += next[f];
-  for (uint32_t i = 0; i < n; i++) {
-    const uint32_t to = next[from[i] >> 12 & 63]++;
-    words[to] = from[i], insets[to] = own[i];
+enum { most_splats = TC_SPLAT_BRICK * TC_SPLAT_BRICK * TC_SPLAT_BRICK };
+
+/* Places of a brick along a curve that fills it: the brick is halved twelve times, always across the longest side. A
+ * place's number is the sum of its coordinates' shares. */
+typedef struct curve {
+  uint16_t share[3][TC_SPLAT_BRICK];
+} curve;
+
+static curve curve_of(const tc_volume_desc *grid) {
+  curve c = {0};
+  int left[3] = {4, 4, 4}; /* bits of a coordinate that no halving has used */
+  for (int bit = 11; bit >= 0; bit--) {
+    int axis = -1;
+    for (int k = 0; k < 3; k++)
+      if (left[k] && (axis < 0 || ldexp(grid->spacing[k], left[k]) > ldexp(grid->spacing[axis], left[axis]))) axis = k;
+    left[axis]--;
+    for (int i = 0; i < TC_SPLAT_BRICK; i++) c.share[axis][i] |= (uint16_t)((i >> left[axis] & 1) << bit);
   }
+  return c;
 }
 
-static void end_brick(const pile *p, uint32_t first, bool sort) {
+/* The last brick's splats by their free faces, and of the same faces along the curve: neighbours in memory look away
+ * from the eye, lie in a tile, and are hidden together. */
+static void sort_splats(const pile *p, uint32_t first, const curve *c) {
+  const uint32_t n = p->words->len - first;
+  uint32_t *words = &g_array_index(p->words, uint32_t, first), from[most_splats], next[65] = {0};
+  uint8_t *insets = &g_array_index(p->insets, uint8_t, first), own[most_splats];
+  uint16_t at[most_splats]; /* which splat, by its number along the curve */
+  uint64_t taken[most_splats / 64] = {0};
+  memcpy(from, words, n * sizeof *words), memcpy(own, insets, n);
+  for (uint32_t i = 0; i < n; i++) {
+    const uint32_t w = from[i], number = c->share[0][w & 15] | c->share[1][w >> 4 & 15] | c->share[2][w >> 8 & 15];
+    next[(w >> 12 & 63) + 1]++;
+    at[number] = (uint16_t)i, taken[number / 64] |= 1ull << number % 64;
+  }
+  for (int f = 0; f < 64; f++) next[f + 1] += next[f];
+  for (uint32_t t = 0; t < most_splats / 64; t++)
+    for (uint64_t left = taken[t]; left; left &= left - 1) {
+      const uint32_t i = at[64 * t + (uint32_t)__builtin_ctzll(left)], to = next[from[i] >> 12 & 63]++;
+      words[to] = from[i], insets[to] = own[i];
+    }
+}
+
+/* c NULL: splats stay in their order. */
+static void end_brick(const pile *p, uint32_t first, const curve *c) {
   if (first == p->words->len)
     g_array_set_size(p->bricks, p->bricks->len - 1);
-  else if (sort)
-    sort_by_faces(p, first);
+  else if (c)
+    sort_splats(p, first, c);
 }
 
 void tc_splats_free(tc_splats *splats) {
@@ -129,6 +158,7 @@ typedef struct building {
   const tc_vmd *model;
   tc_splat_normals normals;
   bool everything;
+  curve curve;
   int words;
   block *blocks; /* [threads] */
   pile *piles;   /* [layers] */
@@ -327,7 +357,7 @@ static void build_brick(const building *b, const block *from, const int brick[3]
     for (at.at[0] = x0; at.at[0] < MIN(x0 + TC_SPLAT_BRICK, dims[0]); at.at[0]++)
       if (slice(&row, at.at[0], at.at[2])) add_slice(b, to, &at);
   }
-  end_brick(to, first, !b->everything);
+  end_brick(to, first, b->everything ? NULL : &b->curve);
 }
 
 static void build_layer(void *context, int layer, int worker) {
@@ -357,6 +387,7 @@ tc_splats *tc_splats_build(const tc_vmd *model, tc_splat_normals normals, bool e
   building b = {.model = model,
                 .normals = normals,
                 .everything = everything,
+                .curve = curve_of(&model->head.grid),
                 .words = (dims[2] + 63) / 64,
                 .halt = tc_pool_halt(pool)};
   const tc_vmd_attribute *own = tc_vmd_attribute_named(&model->head, "normal");
@@ -386,6 +417,7 @@ typedef struct cutting {
   int n_planes;
   double reach[6 * 2]; /* of each plane: how far from it a kept voxel with a cut neighbour can be */
   pile out;
+  curve curve;
 } cutting;
 
 static double distance(const double plane[4], int x, int y, int z) {
@@ -468,7 +500,7 @@ static void cut_bricks(const cutting *c, int bx, int by) {
     const uint32_t first = begin_brick(&c->out, at, true);
     for (int y = y0; y < MIN(y0 + TC_SPLAT_BRICK, dims[1]); y++)
       for (int x = x0; x < MIN(x0 + TC_SPLAT_BRICK, dims[0]); x++) cut_column(c, x, y, bz);
-    end_brick(&c->out, first, true);
+    end_brick(&c->out, first, &c->curve);
   }
 }
 
@@ -487,7 +519,7 @@ tc_splats *tc_splats_cut(const tc_vmd *model, const double planes[][4], int n_pl
                          GError **error) {
   const int *first = model->first, *size = model->size;
   bool left = false;
-  cutting c = {.model = model, .planes = planes, .n_planes = n_planes, .out = pile_new()};
+  cutting c = {.model = model, .planes = planes, .n_planes = n_planes, .out = pile_new(), .curve = curve_of(&model->head.grid)};
   for (int i = 0; i < n_planes; i++)
     c.reach[i] = fmax(fabs(planes[i][0]), fmax(fabs(planes[i][1]), fabs(planes[i][2])));
   for (int by = first[1] / TC_SPLAT_BRICK; by * TC_SPLAT_BRICK < first[1] + size[1] && !left; by++)
