@@ -133,7 +133,7 @@ static void look_around(const pick *p, double t, tc_splat_hit *hit) {
 bool tc_splat_pick(const tc_volume *of, const tc_volume *labels, const tc_scene *scene, const double at[2],
                    tc_splat_hit *hit) {
   const tc_volume *volume = labels ? labels : of;
-  const tc_splats none = {.bricks = &(tc_splat_brick){.first = 0}};
+  const tc_splats none = {0};
   tc_frame frame = {.width = scene->image.width, .height = scene->image.height};
   const tc_splat_job job = {.volume = volume, .splats = &none, .scene = scene, .frame = &frame};
   pick p = {.volume = volume, .labels = labels != NULL, .scene = scene, .dims = tc_volume_describe(volume)->dims};

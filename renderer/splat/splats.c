@@ -26,13 +26,9 @@ static void pile_free(pile p) {
   if (p.insets) g_array_unref(p.insets);
 }
 
-/* Returns its first word's number, which the brick itself holds only while there are not too many. */
-static uint32_t begin_brick(const pile *p, const int at[3], bool cap) {
-  const tc_splat_brick brick = {.first = p->words->len & TC_SPLAT_MOST, /* checked when piles are joined */
-                                .x = (unsigned)at[0] & 2047, .y = (unsigned)at[1] & 2047, .z = (unsigned)at[2] & 2047,
-                                .cap = cap};
+static void begin_brick(const pile *p, const int at[3]) {
+  const tc_splat_brick brick = {.first = p->words->len, .at = {at[0], at[1], at[2]}};
   g_array_append_val(p->bricks, brick);
-  return p->words->len;
 }
 
 static bool is_thin(unsigned faces) { return (faces & faces >> 1 & 0x15) != 0; }
@@ -72,8 +68,8 @@ static curve curve_of(const tc_volume_desc *grid) {
 
 /* The last brick's splats by their free faces, and of the same faces along the curve: neighbours in memory look away
  * from the eye, lie in a tile, and are hidden together. */
-static void sort_splats(const pile *p, uint32_t first, const curve *c) {
-  const uint32_t n = p->words->len - first;
+static void sort_splats(const pile *p, const tc_splat_brick *brick, const curve *c) {
+  const uint32_t n = brick->count, first = brick->first;
   uint32_t *words = &g_array_index(p->words, uint32_t, first), from[most_splats], next[65] = {0};
   uint8_t *insets = &g_array_index(p->insets, uint8_t, first), own[most_splats];
   uint16_t at[most_splats]; /* which splat, by its number along the curve */
@@ -93,11 +89,47 @@ static void sort_splats(const pile *p, uint32_t first, const curve *c) {
 }
 
 /* c NULL: splats stay in their order. */
-static void end_brick(const pile *p, uint32_t first, const curve *c) {
-  if (first == p->words->len)
+static void end_brick(const pile *p, const curve *c) {
+  tc_splat_brick *brick = &g_array_index(p->bricks, tc_splat_brick, p->bricks->len - 1);
+  brick->count = p->words->len - brick->first;
+  if (!brick->count)
     g_array_set_size(p->bricks, p->bricks->len - 1);
   else if (c)
-    sort_splats(p, first, c);
+    sort_splats(p, brick, c);
+}
+
+/* Writes a brick and returns how many bytes it takes, 10 at most. */
+static size_t pack_brick(const tc_splat_brick *brick, const int before[3], uint8_t *to) {
+  const int *at = brick->at, x = at[0] - before[0], z = at[2] - before[2];
+  const bool many = brick->count >= 63, aside = at[1] != before[1];
+  const tc_splat_way way = !aside && !x && z == 1                                              ? TC_SPLAT_NEXT
+                           : !aside && !x && z > 0 && z < 256                                  ? TC_SPLAT_FURTHER
+                           : !aside && x >= 0 && x < 256 && z >= INT8_MIN && z <= INT8_MAX ? TC_SPLAT_COLUMN
+                                                                                               : TC_SPLAT_ELSEWHERE;
+  uint8_t *p = to;
+  *p++ = (uint8_t)((many ? 63 : brick->count) | (unsigned)way << 6);
+  if (many) *p++ = (uint8_t)brick->count, *p++ = (uint8_t)(brick->count >> 8);
+  if (way == TC_SPLAT_COLUMN) *p++ = (uint8_t)x;
+  if (way == TC_SPLAT_FURTHER || way == TC_SPLAT_COLUMN) *p++ = (uint8_t)z;
+  for (int k = 0; k < 3 && way == TC_SPLAT_ELSEWHERE; k++) *p++ = (uint8_t)at[k], *p++ = (uint8_t)(at[k] >> 8);
+  if (brick->count >= 16) *p++ = brick->faces;
+  return (size_t)(p - to);
+}
+
+/* The bricks of all piles, packed, and how many there are; NULL: no memory. */
+static uint8_t *pack_bricks(const pile *piles, int count, uint32_t *n_bricks, size_t *bytes) {
+  int before[3] = {0};
+  size_t n = 0;
+  for (int i = 0; i < count; i++) n += piles[i].bricks->len;
+  uint8_t *packed = malloc(10 * n + 1), *to = packed, *small;
+  for (int i = 0; i < count && packed; i++)
+    for (guint b = 0; b < piles[i].bricks->len; b++) {
+      const tc_splat_brick *brick = &g_array_index(piles[i].bricks, tc_splat_brick, b);
+      to += pack_brick(brick, before, to);
+      memcpy(before, brick->at, sizeof before);
+    }
+  *n_bricks = (uint32_t)n, *bytes = (size_t)(to - packed);
+  return packed && (small = realloc(packed, *bytes + 1)) ? small : packed;
 }
 
 void tc_splats_free(tc_splats *splats) {
@@ -108,11 +140,12 @@ void tc_splats_free(tc_splats *splats) {
   free(splats);
 }
 
-/* The piles one after the other; the bricks' numbers of words go on. */
+/* The piles one after the other. */
 static tc_splats *join(const pile *piles, int count, GError **error) {
   static atomic_uint_fast64_t serials;
-  uint64_t words = 0, bricks = 0;
-  for (int i = 0; i < count; i++) words += piles[i].words->len, bricks += piles[i].bricks->len;
+  uint64_t words = 0;
+  size_t bricks = 0;
+  for (int i = 0; i < count; i++) words += piles[i].words->len;
   if (words > TC_SPLAT_MOST) {
     tc_set_error(error, TC_ERROR_LIMIT, "/splat/threshold",
                  "splat/threshold: the object has more than %u surface voxels; choose a narrower range",
@@ -121,28 +154,22 @@ static tc_splats *join(const pile *piles, int count, GError **error) {
   }
   tc_splats *s = calloc(1, sizeof *s);
   if (s)
-    s->bricks = malloc((bricks + 1) * sizeof *s->bricks), s->words = calloc(words + TC_SPLAT_PAD, sizeof *s->words),
-    s->insets = calloc(words + TC_SPLAT_PAD, 1);
+    s->bricks = pack_bricks(piles, count, &s->n_bricks, &bricks),
+    s->words = calloc(words + TC_SPLAT_PAD, sizeof *s->words), s->insets = calloc(words + TC_SPLAT_PAD, 1);
   if (!s || !s->bricks || !s->words || !s->insets) {
     tc_splats_free(s);
     tc_set_error(error, TC_ERROR_MEMORY, NULL, "splats: out of memory");
     return NULL;
   }
   for (int i = 0; i < count; i++) {
-    const tc_splat_brick *from = (const tc_splat_brick *)(void *)piles[i].bricks->data;
-    for (guint b = 0; b < piles[i].bricks->len; b++) {
-      s->bricks[s->n_bricks] = from[b];
-      s->bricks[s->n_bricks++].first += s->n;
-    }
     if (piles[i].words->len) {
       memcpy(s->words + s->n, piles[i].words->data, piles[i].words->len * sizeof *s->words);
       memcpy(s->insets + s->n, piles[i].insets->data, piles[i].insets->len);
     }
     s->n += piles[i].words->len;
   }
-  s->bricks[s->n_bricks] = (tc_splat_brick){.first = s->n};
   s->serial = atomic_fetch_add(&serials, 1) + 1;
-  s->bytes = sizeof *s + (bricks + 1) * sizeof *s->bricks + (words + TC_SPLAT_PAD) * (sizeof *s->words + 1);
+  s->bytes = sizeof *s + bricks + 1 + (words + TC_SPLAT_PAD) * (sizeof *s->words + 1);
   return s;
 }
 
@@ -349,7 +376,7 @@ static void add_slice(const building *b, const pile *to, const place *first) {
 
 static void build_brick(const building *b, const block *from, const int brick[3], const pile *to) {
   const int *dims = b->model->head.grid.dims, x0 = brick[0] * TC_SPLAT_BRICK, y0 = brick[1] * TC_SPLAT_BRICK;
-  const uint32_t first = begin_brick(to, brick, false);
+  begin_brick(to, brick);
   for (int y = y0; y < MIN(y0 + TC_SPLAT_BRICK, dims[1]); y++) {
     place at = {from->bits + (size_t)(y - y0 + REACH) * (size_t)b->words * ACROSS, from->x0,
                 {0, y, brick[2] * TC_SPLAT_BRICK}};
@@ -357,7 +384,7 @@ static void build_brick(const building *b, const block *from, const int brick[3]
     for (at.at[0] = x0; at.at[0] < MIN(x0 + TC_SPLAT_BRICK, dims[0]); at.at[0]++)
       if (slice(&row, at.at[0], at.at[2])) add_slice(b, to, &at);
   }
-  end_brick(to, first, b->everything ? NULL : &b->curve);
+  end_brick(to, b->everything ? NULL : &b->curve);
 }
 
 static void build_layer(void *context, int layer, int worker) {
@@ -497,10 +524,10 @@ static void cut_bricks(const cutting *c, int bx, int by) {
   for (int bz = range[0] / TC_SPLAT_BRICK; bz * TC_SPLAT_BRICK < range[1]; bz++) {
     const int at[3] = {bx, by, bz};
     if (!meets_brick(c, at)) continue;
-    const uint32_t first = begin_brick(&c->out, at, true);
+    begin_brick(&c->out, at);
     for (int y = y0; y < MIN(y0 + TC_SPLAT_BRICK, dims[1]); y++)
       for (int x = x0; x < MIN(x0 + TC_SPLAT_BRICK, dims[0]); x++) cut_column(c, x, y, bz);
-    end_brick(&c->out, first, &c->curve);
+    end_brick(&c->out, &c->curve);
   }
 }
 
@@ -528,6 +555,7 @@ tc_splats *tc_splats_cut(const tc_vmd *model, const double planes[][4], int n_pl
       if (meets_bricks(&c, bx, by)) cut_bricks(&c, bx, by);
     }
   tc_splats *s = left ? NULL : join(&c.out, 1, error);
+  if (s) s->cut = true;
   if (left) tc_halt_say(halt, error);
   pile_free(c.out);
   return s;

@@ -19,34 +19,58 @@
 #define TC_SPLAT_BRICK 16        /* voxels along an edge */
 #define TC_SPLAT_PAD 16          /* words that may be read after the last */
 #define TC_SPLAT_LONG 1.3        /* half length of a line's kernel over a usual kernel's; voxels that an end goes on, at most */
-#define TC_SPLAT_MOST ((1u << 24) - 1) /* splats of a model: sums over any pixel stay below 2^31 */
+/* Splats of a model: with it sums over any pixel stay below 2^31, seen from however far. Bones of 512x512x1000 voxels
+ * have about five million. */
+#define TC_SPLAT_MOST ((1u << 24) - 1)
 
 /* In bits 6 and 7 of a thin voxel's inset: what its filled neighbours (of 26) form. A line's normal is its direction,
  * an end's too, outwards; a dot has none. An end has in bits 0 to 2 how far on it ends, in sevenths of TC_SPLAT_LONG
  * voxels, and in bits 3 to 5 its thickness, from 0.3 on in tenths. */
 typedef enum tc_splat_thin { TC_SPLAT_SHEET, TC_SPLAT_LINE, TC_SPLAT_END, TC_SPLAT_DOT } tc_splat_thin;
 
-/* Eight bytes, which few splats share where an object is thin. */
+/* A brick, whose splats are sorted by their free faces. */
 typedef struct tc_splat_brick {
-  uint64_t first : 24; /* of its splats, which are sorted by their free faces; they end where the next brick's begin */
-  uint64_t x : 11, y : 11, z : 11; /* in bricks: those of TC_VMD_SIDE voxels */
-  uint64_t faces : 6;              /* of any of its splats */
-  uint64_t cap : 1;                /* its splats are a cut's: clipping left them */
+  uint32_t first, count; /* of its splats */
+  int at[3];             /* in bricks */
+  uint8_t faces;         /* of its splats; of few splats perhaps more */
 } tc_splat_brick;
 
-/* A brick's place along an index axis, in bricks. */
-static inline int tc_splat_brick_at(const tc_splat_brick *brick, int axis) {
-  return (int)(axis == 0 ? brick->x : axis == 1 ? brick->y : brick->z);
-}
-
+/* Bricks are read one after the other. Where an object is thin few splats share one, so that each takes two to four
+ * bytes as a rule: a byte with the number of splats (bits 0 to 5; 63: it follows in two bytes) and the way from the
+ * brick before (bits 6 and 7); bytes of the way; and the faces, if it has 16 splats or more. */
 typedef struct tc_splats {
-  tc_splat_brick *bricks; /* [n_bricks + 1] */
-  uint32_t *words;        /* [n + TC_SPLAT_PAD] */
-  uint8_t *insets;        /* the same */
+  uint8_t *bricks;
+  uint32_t *words;   /* [n + TC_SPLAT_PAD] */
+  uint8_t *insets;   /* the same */
   uint32_t n, n_bricks;
+  bool cut;          /* clipping left them */
   size_t bytes;
   uint64_t serial; /* of no other */
 } tc_splats;
+
+/* The way from the brick before: the next along z; further along z (a byte: how far); along x (a byte), and along z (a
+ * signed byte); or somewhere else (x, y, z: two bytes each). The first comes from 0, 0, 0. */
+typedef enum tc_splat_way { TC_SPLAT_NEXT, TC_SPLAT_FURTHER, TC_SPLAT_COLUMN, TC_SPLAT_ELSEWHERE } tc_splat_way;
+
+/* The brick after one, which begins as zeros with *from 0; *from counts the bytes read. */
+static inline void tc_splats_next(const tc_splats *s, size_t *from, tc_splat_brick *brick) {
+  const uint8_t *p = s->bricks + *from;
+  const unsigned head = *p++;
+  brick->first += brick->count;
+  brick->count = head & 63;
+  if (brick->count == 63) brick->count = p[0] | (uint32_t)p[1] << 8, p += 2;
+  switch ((tc_splat_way)(head >> 6)) {
+    case TC_SPLAT_NEXT: brick->at[2]++; break;
+    case TC_SPLAT_FURTHER: brick->at[2] += *p++; break;
+    case TC_SPLAT_COLUMN: brick->at[0] += p[0], brick->at[2] += (int8_t)p[1], p += 2; break;
+    case TC_SPLAT_ELSEWHERE:
+      for (int k = 0; k < 3; k++, p += 2) brick->at[k] = p[0] | p[1] << 8;
+      break;
+  }
+  brick->faces = 63;
+  if (brick->count >= 16) brick->faces = *p++;
+  *from = (size_t)(p - s->bricks);
+}
 
 /* Normals of a model's voxels, any length, outward, in LPS, and how far away along them the surface is, in voxels
  * (negative: unknown); from any thread. */

@@ -201,12 +201,11 @@ static void set_seen(tc_splat_entry *e) {
 
 /* False: clipped away as a whole. */
 static bool set_clipped(const drawing *d, tc_splat_entry *e) {
-  const tc_splat_brick *brick = &e->of->bricks[e->brick];
-  for (int i = 0; i < d->args.n_planes && !brick->cap; i++) {
+  for (int i = 0; i < d->args.n_planes && !e->of->cut; i++) {
     const double *p = d->planes[i];
     double middle = p[3], half = 0;
     for (int k = 0; k < 3; k++) {
-      middle += p[k] * (tc_splat_brick_at(brick, k) * TC_SPLAT_BRICK + 7.5);
+      middle += p[k] * (e->brick.at[k] * TC_SPLAT_BRICK + 7.5);
       half += fabs(p[k]) * 7.5;
     }
     e->clipped |= middle - half < 1e-3;
@@ -243,21 +242,20 @@ static bool set_box(const drawing *d, tc_splat_entry *e, const double middle[3],
   return true;
 }
 
-static bool enter(const drawing *d, const tc_splats *of, uint32_t brick, double size_mm, tc_splat_entry *e) {
-  const tc_splat_brick *b = &of->bricks[brick];
+static bool enter(const drawing *d, const tc_splats *of, const tc_splat_brick *b, double size_mm, tc_splat_entry *e) {
   const double reach = 7.5 + (double)d->args.move; /* voxels from its middle: splats move by one at most */
   double middle[3], half[3];
-  *e = (tc_splat_entry){.of = of, .brick = brick};
+  *e = (tc_splat_entry){.of = of, .brick = *b};
   for (int r = 0; r < 3; r++) {
     double at = d->to_view[r][3];
     half[r] = 0;
     for (int k = 0; k < 3; k++) {
-      at += d->to_view[r][k] * tc_splat_brick_at(b, k) * TC_SPLAT_BRICK;
+      at += d->to_view[r][k] * b->at[k] * TC_SPLAT_BRICK;
       half[r] += fabs(d->to_view[r][k]) * reach;
     }
     e->at[r] = (float)at;
     middle[r] = at + 7.5 * (d->to_view[r][0] + d->to_view[r][1] + d->to_view[r][2]);
-    e->eye[r] = (float)(d->eye[r] - tc_splat_brick_at(b, r) * TC_SPLAT_BRICK);
+    e->eye[r] = (float)(d->eye[r] - b->at[r] * TC_SPLAT_BRICK);
   }
   set_seen(e);
   if (!set_clipped(d, e) && d->args.culling) return false;
@@ -283,7 +281,12 @@ static double longest_voxel(const drawing *d) {
 
 static void enter_all(drawing *d, const tc_splats *of, tc_splat_entry *entries, int *count) {
   const double size_mm = longest_voxel(d);
-  for (uint32_t i = 0; of && i < of->n_bricks; i++) *count += enter(d, of, i, size_mm, &entries[*count]);
+  tc_splat_brick brick = {0};
+  size_t from = 0;
+  for (uint32_t i = 0; of && i < of->n_bricks; i++) {
+    tc_splats_next(of, &from, &brick);
+    *count += enter(d, of, &brick, size_mm, &entries[*count]);
+  }
 }
 
 /* Nearest first, to a 4096th of the range: the order changes no bit, only how much is hidden early. */
@@ -378,10 +381,6 @@ int tc_splat_sheet_axis(const tc_splat_args *g) {
   return axis;
 }
 
-static int layer_of(const tc_splat_entry *e, int axis) {
-  return tc_splat_brick_at(&e->of->bricks[e->brick], axis);
-}
-
 /* Entries by layers of bricks along the axis. */
 static bool sort_layers(drawing *d, GError **error) {
   const int axis = tc_splat_sheet_axis(&d->args),
@@ -394,9 +393,9 @@ static bool sort_layers(drawing *d, GError **error) {
     return false;
   }
   int *next = d->layers + 1; /* becomes the layers' ends */
-  for (int i = 0; i < d->n_entries; i++) next[1 + layer_of(&d->entries[i], axis)]++;
+  for (int i = 0; i < d->n_entries; i++) next[1 + d->entries[i].brick.at[axis]]++;
   for (int l = 0; l < n; l++) next[l + 1] += next[l];
-  for (int i = 0; i < d->n_entries; i++) sorted[next[layer_of(&d->entries[i], axis)]++] = d->entries[i];
+  for (int i = 0; i < d->n_entries; i++) sorted[next[d->entries[i].brick.at[axis]]++] = d->entries[i];
   free(d->entries);
   d->entries = sorted;
   return true;
@@ -442,8 +441,7 @@ static bool shows(const drawing *d, const tc_splat_entry *e, tc_splat_tile *t) {
 }
 
 static bool has_room(const drawing *d, const tc_splat_entry *e, const tc_splat_tile *t) {
-  const tc_splat_brick *brick = &e->of->bricks[e->brick];
-  const size_t batches = (brick[1].first - brick[0].first + d->kernels->lanes - 1) / d->kernels->lanes;
+  const size_t batches = (e->brick.count + d->kernels->lanes - 1) / d->kernels->lanes;
   return ((size_t)t->n_kept + batches) * d->kernels->batch <= TC_TILE_KEPT;
 }
 

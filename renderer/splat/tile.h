@@ -55,7 +55,7 @@ typedef struct tc_splat_args {
 /* A brick in this frame. */
 typedef struct tc_splat_entry {
   const tc_splats *of;
-  uint32_t brick;
+  tc_splat_brick brick;
   float near_mm;       /* no splat of it is nearer */
   float box[4];        /* pixels x0, y0, x1, y1 around its footprints */
   float reach;         /* pixels: no footprint goes further from its voxel */

@@ -47,10 +47,10 @@ V_INLINE vi seen_faces(const tc_splat_entry *e, const vf d[3]) {
 }
 
 V_INLINE vm kept_by_planes(const tc_splat_args *g, const tc_splat_entry *e, const vf d[3], vm alive) {
-  const tc_splat_brick b = e->of->bricks[e->brick];
+  const int *at = e->brick.at;
   for (int i = 0; i < g->n_planes; i++) {
     const double *p = g->planes[i];
-    float start = (float)(p[3] + TC_SPLAT_BRICK * (p[0] * b.x + p[1] * b.y + p[2] * b.z));
+    float start = (float)(p[3] + TC_SPLAT_BRICK * (p[0] * at[0] + p[1] * at[1] + p[2] * at[2]));
     vf away =
         v_fma(d[2], v_set((float)p[2]), v_fma(d[1], v_set((float)p[1]), v_fma(d[0], v_set((float)p[0]), v_set(start))));
     alive = m_and(alive, v_le(v_set(0), away));
@@ -172,7 +172,7 @@ V_INLINE vm near_tile(const tc_splat_entry *e, const tc_splat_tile *t, const sig
 /* False: none of the splats meets the tile. */
 V_INLINE bool project(const tc_splat_args *g, const tc_splat_entry *e, const tc_splat_tile *t, uint32_t first,
                       batch *out) {
-  const uint32_t count = e->of->bricks[e->brick + 1].first - first;
+  const uint32_t count = e->brick.first + e->brick.count - first;
   vi word = v_bits(v_load((const float *)(const void *)(e->of->words + first)));
   vf d[3] = {v_float(nibble(word, 0)), v_float(nibble(word, 4)), v_float(nibble(word, 8))};
   vi faces = v_andi(v_sra(word, 12), e->mixed ? seen_faces(e, d) : v_seti(e->seen));
@@ -261,10 +261,7 @@ V_INLINE bool leaves(const tc_splat_args *g, uint32_t batches, tc_splat_tile *t)
   return t->left;
 }
 
-V_INLINE uint32_t batches_of(const tc_splat_entry *e) {
-  const tc_splat_brick *brick = &e->of->bricks[e->brick];
-  return (brick[1].first - brick[0].first + V_LANES - 1) / V_LANES;
-}
+V_INLINE uint32_t batches_of(const tc_splat_entry *e) { return (e->brick.count + V_LANES - 1) / V_LANES; }
 
 /* The cores of lanes `front`. */
 V_INLINE void put_cores(const tc_splat_args *g, const batch *b, unsigned front, tc_splat_tile *t) {
@@ -287,14 +284,14 @@ V_INLINE void put_cores(const tc_splat_args *g, const batch *b, unsigned front, 
 /* From the side of the brick where the eye is: what is nearer hides more. */
 static void put_depths(const tc_splat_args *g, const tc_splat_entry *e, tc_splat_tile *t) {
   const uint32_t n = batches_of(e);
-  t->visited += e->of->bricks[e->brick + 1].first - e->of->bricks[e->brick].first;
+  t->visited += e->brick.count;
   const bool backwards = e->eye[1] > TC_SPLAT_BRICK / 2;
   batch own;
   for (uint32_t i = 0; i < n; i++) {
     batch *b = t->keeps ? (batch *)(void *)t->kept + t->n_kept : &own;
     unsigned front;
     if (leaves(g, i, t)) return;
-    if (!project(g, e, t, e->of->bricks[e->brick].first + V_LANES * (backwards ? n - 1 - i : i), b)) continue;
+    if (!project(g, e, t, e->brick.first + V_LANES * (backwards ? n - 1 - i : i), b)) continue;
     b->alive = shown(g, b, t, &front);
     t->n_kept += t->keeps && b->alive;
     put_cores(g, b, front, t);
@@ -304,9 +301,8 @@ static void put_depths(const tc_splat_args *g, const tc_splat_entry *e, tc_splat
 V_INLINE void add_to(float *p, vi amount) { v_store(p, v_from_bits(v_addi(v_bits(v_load(p)), amount))); }
 
 V_INLINE void voxel_of(const tc_splat_entry *e, uint32_t splat, int at[3]) {
-  const tc_splat_brick *brick = &e->of->bricks[e->brick];
   const uint32_t word = e->of->words[splat];
-  for (int k = 0; k < 3; k++) at[k] = tc_splat_brick_at(brick, k) * TC_SPLAT_BRICK + (int)(word >> 4 * k & 15);
+  for (int k = 0; k < 3; k++) at[k] = e->brick.at[k] * TC_SPLAT_BRICK + (int)(word >> 4 * k & 15);
 }
 
 V_INLINE void look_at_voxel(const tc_splat_args *g, const tc_splat_entry *e, uint32_t splat, float rgbk[4]) {
@@ -428,7 +424,7 @@ static void put_colors(const tc_splat_args *g, const tc_splat_entry *e, tc_splat
   batch b;
   unsigned front;
   for (uint32_t i = 0; i < batches_of(e) && !leaves(g, i, t); i++)
-    if (project(g, e, t, e->of->bricks[e->brick].first + V_LANES * i, &b)) color(g, &b, shown(g, &b, t, &front), t);
+    if (project(g, e, t, e->brick.first + V_LANES * i, &b)) color(g, &b, shown(g, &b, t, &front), t);
 }
 
 /* ---- light ---- */
@@ -535,11 +531,11 @@ static void look_up_matter(const tc_splat_args *g, const tc_splat_entry *e, uint
 }
 
 static void put_sheet(const tc_splat_args *g, const tc_splat_entry *e, int axis, int at, tc_splat_tile *t) {
-  const tc_splat_brick *brick = &e->of->bricks[e->brick];
+  const uint32_t begin = e->brick.first, end = begin + e->brick.count;
   float here[V_LANES], rgbk[V_LANES][4];
   batch b;
-  for (uint32_t first = brick[0].first; first < brick[1].first; first += V_LANES) {
-    if (leaves(g, (first - brick[0].first) / V_LANES, t)) return;
+  for (uint32_t first = begin; first < end; first += V_LANES) {
+    if (leaves(g, (first - begin) / V_LANES, t)) return;
     vm wanted = in_sheet(e, first, axis, at);
     if (!m_any(wanted) || !project(g, e, t, first, &b)) continue;
     v_store(here, v_select(wanted, v_set(1), v_set(0)));

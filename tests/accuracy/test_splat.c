@@ -252,13 +252,44 @@ TEST(lines_are_lit_across) {
   }
 }
 
+/* The same tubes in a grid of three times as many voxels a side, of radius context[0] there. */
+static double threads(double x, double y, double z, const void *context) {
+  return 3 * tubes(x / 3, y / 3, z / 3, &(double){*(const double *)context / 3});
+}
+
+/* Bricks are read as they were written: their splats are the model's voxels, each once. */
+static void expect_bricks(const object *o) {
+  const tc_splats *s = o->splats;
+  const int *n = o->model->head.grid.dims;
+  uint8_t *seen = calloc((size_t)n[0] * (size_t)n[1], (size_t)n[2]);
+  tc_splat_brick brick = {0};
+  size_t from = 0;
+  for (uint32_t b = 0; b < s->n_bricks; b++) {
+    unsigned faces = 0;
+    tc_splats_next(s, &from, &brick);
+    for (uint32_t i = brick.first; i < brick.first + brick.count; i++) {
+      int at[3];
+      for (int k = 0; k < 3; k++) at[k] = 16 * brick.at[k] + (int)(s->words[i] >> 4 * k & 15);
+      assert_true(at[0] < n[0] && at[1] < n[1] && at[2] < n[2] && tc_vmd_voxel(o->model, at[0], at[1], at[2]));
+      assert_int_equal(seen[((size_t)at[2] * (size_t)n[1] + (size_t)at[1]) * (size_t)n[0] + (size_t)at[0]]++, 0);
+      faces |= s->words[i] >> 12 & 63;
+    }
+    assert_int_equal(faces & ~(unsigned)brick.faces, 0);
+  }
+  assert_int_equal(brick.first + brick.count, s->n);
+  free(seen);
+}
+
 /* Memory follows what is seen, also where few splats share a brick. */
 TEST(thin_objects_take_six_bytes_a_splat) {
-  object objects[] = {object_of(&cube, tubes, &(double){1.6}), object_of(&cube, tubes, &(double){0.8})};
-  for (int i = 0; i < 2; i++) {
+  static const test_grid large = {.dims = {120, 120, 120}, .type = TC_F32};
+  object objects[] = {object_of(&cube, tubes, &(double){1.6}), object_of(&cube, tubes, &(double){0.8}),
+                      object_of(&large, threads, &(double){0.8}), object_of(&large, threads, &(double){0.55})};
+  for (int i = 0; i < 4; i++) {
     const tc_splats *s = objects[i].splats;
     print_message("%u splats in %u bricks: %.2f bytes each\n", s->n, s->n_bricks, (double)s->bytes / s->n);
     assert_true(s->bytes <= 6 * (size_t)s->n);
+    expect_bricks(&objects[i]);
     object_free(&objects[i]);
   }
 }

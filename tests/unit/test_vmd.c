@@ -383,9 +383,12 @@ TEST(grids_may_be_larger_than_memory) {
   tc_splats *s = tc_splats_build(large, (tc_splat_normals){0}, false, NULL, NULL);
   assert_int_equal(s->n, 7);
   assert_int_equal(s->n_bricks, 2);
-  for (int i = 0; i < 2; i++)
-    for (int k = 0; k < 3; k++)
-      assert_int_equal(tc_splat_brick_at(&s->bricks[i], k), k < 2 ? TC_VMD_SIDE / TC_SPLAT_BRICK - 1 : 4 * i);
+  tc_splat_brick brick = {0};
+  size_t from = 0;
+  for (int i = 0; i < 2; i++) {
+    tc_splats_next(s, &from, &brick);
+    for (int k = 0; k < 3; k++) assert_int_equal(brick.at[k], k < 2 ? TC_VMD_SIDE / TC_SPLAT_BRICK - 1 : 4 * i);
+  }
   /* Cut open between x = -2 and -1, from the end. */
   const double plane[1][4] = {{-1, 0, 0, TC_VMD_SIDE - 1.5}};
   tc_splats *cut = tc_splats_cut(large, plane, 1, NULL, NULL);

@@ -105,14 +105,16 @@ static bool pack_looks(const void *thing, void *bytes, const tc_halt *halt) {
   const packing *p = thing;
   uint32_t *looks = (uint32_t *)bytes + looks_at(p->of) / sizeof *looks;
   pack_words(thing, bytes, halt);
+  tc_splat_brick brick = {0};
+  size_t from = 0;
   for (uint32_t b = 0; b < p->of->n_bricks; b++) {
-    const tc_splat_brick *brick = &p->of->bricks[b];
+    tc_splats_next(p->of, &from, &brick);
     if (tc_halt_within(halt)) return false;
-    for (uint32_t i = brick[0].first; i < brick[1].first; i++) {
+    for (uint32_t i = brick.first; i < brick.first + brick.count; i++) {
       const uint32_t word = p->of->words[i];
       int at[3];
       uint16_t entries[2];
-      for (int k = 0; k < 3; k++) at[k] = tc_splat_brick_at(brick, k) * TC_SPLAT_BRICK + (int)(word >> 4 * k & 15);
+      for (int k = 0; k < 3; k++) at[k] = brick.at[k] * TC_SPLAT_BRICK + (int)(word >> 4 * k & 15);
       tc_splat_look_at(p->look, at, entries);
       looks[i] = entries[0] | (uint32_t)entries[1] << 16;
     }
@@ -158,13 +160,13 @@ static void make_buffers(drawing *d) {
 /* ---- tiles ---- */
 
 static void put_entry(drawing *d, const tc_splat_entry *e) {
-  const tc_splat_brick *brick = &e->of->bricks[e->brick];
+  const int *at = e->brick.at;
   splat_entry *to = &d->entries[d->n[0] + d->n[1]];
-  *to = (splat_entry){.words = {brick[0].first, brick[1].first - brick[0].first}};
+  *to = (splat_entry){.words = {e->brick.first, e->brick.count}};
   for (int k = 0; k < 3; k++) to->at[k] = e->at[k], to->eye[k] = e->eye[k];
   for (int i = 0; i < d->of.args.n_planes; i++) {
     const double *p = d->of.planes[i];
-    to->starts[i] = (float)(p[3] + TC_SPLAT_BRICK * (p[0] * brick->x + p[1] * brick->y + p[2] * brick->z));
+    to->starts[i] = (float)(p[3] + TC_SPLAT_BRICK * (p[0] * at[0] + p[1] * at[1] + p[2] * at[2]));
   }
   to->words[2] = e->seen | (uint32_t)e->mixed << 8 | (uint32_t)e->clipped << 9;
   d->n[e->of != d->of.of]++;
@@ -226,13 +228,11 @@ static bool run_pass(drawing *d, int pass, const int tile[4]) {
 
 /* ---- translucent ---- */
 
-static int layer_of(const tc_splat_entry *e, int axis) { return tc_splat_brick_at(&e->of->bricks[e->brick], axis); }
-
 /* The tile's bricks of one layer along the axis. */
 static void collect_layer(drawing *d, const int tile[4], int axis, int layer) {
   d->n[0] = d->n[1] = 0;
   for (int i = 0; i < d->of.n_entries; i++)
-    if (layer_of(&d->of.entries[i], axis) == layer && in_tile(&d->of.entries[i], tile)) put_entry(d, &d->of.entries[i]);
+    if (d->of.entries[i].brick.at[axis] == layer && in_tile(&d->of.entries[i], tile)) put_entry(d, &d->of.entries[i]);
   if (d->n[0]) glNamedBufferSubData(d->buffers[ENTRIES], 0, (GLsizeiptr)((size_t)d->n[0] * sizeof *d->entries), d->entries);
 }
 
@@ -264,7 +264,7 @@ static bool draw_sheets(drawing *d, const int tile[4]) {
   const int axis = tc_splat_sheet_axis(&d->of.args);
   if (!d->of.n_entries) return true;
   const tc_splat_entry *any = &d->of.entries[0];
-  const double eye = (double)any->eye[axis] + TC_SPLAT_BRICK * layer_of(any, axis);
+  const double eye = (double)any->eye[axis] + TC_SPLAT_BRICK * any->brick.at[axis];
   return run_sheets(d, tile, axis, eye, 1) && run_sheets(d, tile, axis, eye, -1);
 }
 
