@@ -19,8 +19,8 @@
 #define TC_SPLAT_BRICK 16        /* voxels along an edge */
 #define TC_SPLAT_PAD 16          /* words that may be read after the last */
 #define TC_SPLAT_LONG 1.3        /* half length of a line's kernel over a usual kernel's; voxels that an end goes on, at most */
-/* Splats of a model: with it sums over any pixel stay below 2^31, seen from however far. Bones of 512x512x1000 voxels
- * have about five million. */
+/* Splats of a model: with it sums over any pixel stay below 2^31, seen from however far. The bones
+ * of 512x512x1000 voxels have two to three million (renderer/NUMERICS.md). */
 #define TC_SPLAT_MOST ((1u << 24) - 1)
 
 /* In bits 6 and 7 of a thin voxel's inset: what its filled neighbours (of 26) form. A line's normal is its direction,
