@@ -281,17 +281,15 @@ V_INLINE void put_cores(const tc_splat_args *g, const batch *b, unsigned front, 
   }
 }
 
-/* From the side of the brick where the eye is: what is nearer hides more. */
 static void put_depths(const tc_splat_args *g, const tc_splat_entry *e, tc_splat_tile *t) {
   const uint32_t n = batches_of(e);
   t->visited += e->brick.count;
-  const bool backwards = e->eye[1] > TC_SPLAT_BRICK / 2;
   batch own;
   for (uint32_t i = 0; i < n; i++) {
     batch *b = t->keeps ? (batch *)(void *)t->kept + t->n_kept : &own;
     unsigned front;
     if (leaves(g, i, t)) return;
-    if (!project(g, e, t, e->brick.first + V_LANES * (backwards ? n - 1 - i : i), b)) continue;
+    if (!project(g, e, t, e->brick.first + V_LANES * i, b)) continue;
     b->alive = shown(g, b, t, &front);
     t->n_kept += t->keeps && b->alive;
     put_cores(g, b, front, t);
