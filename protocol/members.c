@@ -135,7 +135,8 @@ const tcp_member tcp_members[] = {
      .doc = "Radius of a voxel's footprint; from 0.9 on surfaces are closed."},
     {"splat", "attribute", TCP_TEXT, AT(splat.attribute), sizeof((tc_scene *)0)->splat.attribute, .flags = TCP_ASKED,
      .doc = "What gives the colour: \"value\", by the transfer function, or \"color\", isosurface.color, as when left "
-            "out."},
+            "out; or an attribute of a .vmd: label by its palette, normal by its components, others by the transfer "
+            "function, their range stretched to the values'."},
     {"splat", "opaque", TCP_BOOLEAN, AT(splat.opaque),
      .doc = "Draw a solid, the nearest voxels win; else a cloud, with the transfer function's extinction."},
     {"splat", "culling", TCP_BOOLEAN, AT(splat.culling),

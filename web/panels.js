@@ -88,7 +88,7 @@ export class Panels {
     const menu = this.#root.querySelector('[data-path="splat.attribute"]');
     for (const option of menu.querySelectorAll('[data-own]')) option.remove();
     for (const name of Object.keys(model?.attributes ?? {})) {
-      if (name === 'value' || name === 'normal') continue;
+      if (name === 'value') continue;
       const option = new Option(`Attribute ${name}`, name);
       option.dataset.own = '';
       menu.append(option);

@@ -12,6 +12,9 @@ export function centredOn(camera, place) {
   return { ...camera, position: add(camera.position, shift), target: place };
 }
 
+/** A number, or a normal's components. */
+const attributeText = (number) => (Array.isArray(number) ? number.map((n) => n.toFixed(2)).join(' ') : String(Number(number.toPrecision(5))));
+
 export class Probe {
   #api;
   #client;
@@ -92,9 +95,11 @@ export class Probe {
     const side = (mm, plus, minus) => `${mm >= 0 ? plus : minus} ${placeText(Math.abs(mm), 2 * box.radius)}`;
     const unit = volume.unit ? ` ${volume.unit}` : '';
     const value = (found.value ?? null) === null ? '' : `  \u00b7  ${Number(found.value.toPrecision(5))}${unit}`;
+    const own = Object.entries(found.attributes ?? {}).filter(([attribute]) => attribute !== 'value');
+    const rest = own.map(([attribute, number]) => `  \u00b7  ${attribute} ${attributeText(number)}`).join('');
     const name = found.label ? this.#labelName(found.label) : found.surface >= 0 ? `Surface ${found.surface + 1}` : '';
     const [x, y, z] = place;
     const what = name && `  \u00b7  ${name}`;
-    return `${side(x, 'L', 'R')}  ${side(y, 'P', 'A')}  ${side(z, 'H', 'F')} mm${value}${what}`;
+    return `${side(x, 'L', 'R')}  ${side(y, 'P', 'A')}  ${side(z, 'H', 'F')} mm${value}${rest}${what}`;
   }
 }

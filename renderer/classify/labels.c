@@ -186,29 +186,28 @@ static bool meets(const tc_volume *a, const tc_volume *b) {
   return true;
 }
 
+static bool does_not_fit(const char *name, const char *why, GError **error) {
+  tc_set_error(error, TC_ERROR_INVALID, NULL, "%s: %s", name, why);
+  return false;
+}
+
+bool tc_labels_fit(const tc_volume *volume, const tc_volume *labels, const char *name, GError **error) {
+  const tc_volume_desc *d = tc_volume_describe(labels);
+  if (tc_volume_sparse(labels)) return does_not_fit(name, "a volume with a grid expected, not a run-length model", error);
+  if (d->type == TC_F32)
+    return does_not_fit(name, "whole numbers of at most 16 bits expected, this volume holds f32: convert it", error);
+  if (d->slope != rint(d->slope) || d->intercept != rint(d->intercept))
+    return does_not_fit(name, "whole numbers of at most 16 bits expected, this volume holds fractions: convert it", error);
+  if (!meets(volume, labels) || !meets(labels, volume))
+    return does_not_fit(name, "it lies outside the volume in patient space: choose the one made for this volume", error);
+  return true;
+}
+
 bool tc_labels_check(const tc_volume *volume, const tc_volume *labels, const tc_scene *scene, GError **error) {
   static const char pointer[] = "/labels/volume";
   if (!scene->labels.volume[0] || !tc_mode_has_labels(scene->mode)) return true;
-  if (!labels) {
-    tc_set_error(error, TC_ERROR_INVALID, pointer, "labels/volume: there is no such volume");
-    return false;
-  }
-  const tc_volume_desc *d = tc_volume_describe(labels);
-  if (tc_volume_sparse(labels)) {
-    tc_set_error(error, TC_ERROR_INVALID, pointer,
-                 "labels/volume: labels need a volume with a grid, not a run-length model");
-    return false;
-  }
-  if (d->type == TC_F32 || d->slope != rint(d->slope) || d->intercept != rint(d->intercept)) {
-    tc_set_error(error, TC_ERROR_INVALID, pointer,
-                 "labels/volume: labels are whole numbers of at most 16 bits, this volume holds %s: convert it",
-                 d->type == TC_F32 ? "f32" : "fractions");
-    return false;
-  }
-  if (!meets(volume, labels) || !meets(labels, volume)) {
-    tc_set_error(error, TC_ERROR_INVALID, pointer,
-                 "labels/volume: it lies outside the volume in patient space: choose the one made for this volume");
-    return false;
-  }
-  return true;
+  g_autoptr(GError) why = NULL;
+  if (labels && tc_labels_fit(volume, labels, pointer + 1, &why)) return true;
+  tc_set_error(error, TC_ERROR_INVALID, pointer, "%s", why ? why->message : "labels/volume: there is no such volume");
+  return false;
 }

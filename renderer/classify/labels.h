@@ -58,6 +58,9 @@ bool tc_mode_has_labels(tc_mode mode);
  * Pure. */
 bool tc_labels_check(const tc_volume *volume, const tc_volume *labels, const tc_scene *scene, GError **error);
 
+/* The check of the label volume itself, over a volume. The error begins with `name`. */
+bool tc_labels_fit(const tc_volume *volume, const tc_volume *labels, const char *name, GError **error);
+
 /* True if the label is visible: scene->labels.visible is NULL or contains it. */
 bool tc_labels_show(const tc_scene *scene, uint32_t label);
 

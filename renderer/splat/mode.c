@@ -6,27 +6,44 @@
 
 #include "renderer/splat/splatter.h"
 #include "renderer/classify/transfer.h"
+#include "renderer/splat/normal.h"
 #include "renderer/splat/vmd.h"
 
 #define NODES 4096
+#define NORMAL_HALF 31 /* of the octahedral map of normals' colours */
+#define NORMAL_SIDE (2 * NORMAL_HALF + 1)
 
-/* Labels have their own colours, as has a model's attribute "label"; of other attributes the transfer function gives the
- * colour, by nodes over the volume's range, each value of 8 bits its own. Extinction is the transfer function's at the
- * value. */
+/* What an attribute adds to the table, after the nodes. */
+typedef enum added { ADDS_NONE, ADDS_PALETTE, ADDS_NORMALS } added;
+
+/* Labels have their own colours, as has a model's attribute "label"; a normal's components (LPS, -1 to 1) are red, green
+ * and blue. Of other attributes the transfer function gives the colour, by nodes over the volume's range, each value of 8
+ * bits its own; an attribute's range is stretched to the volume's. Extinction is the transfer function's at the value. */
 struct tc_splat_look {
   const tc_volume *volume;
   const tc_labels *labels;           /* of the volume; NULL: it is not drawn as labels */
   const tc_vmd *model;               /* of a volume without a grid */
   const tc_vmd_attribute *attribute; /* of the model, in the value's place; NULL: the value */
-  bool palette;                      /* its numbers are the palette's, which follows the nodes in the table */
-  float lo, scale, last;
+  added added;
+  float lo, scale, last;  /* node of a stored voxel */
+  float own_lo, own_scale; /* node of an attribute's number */
   int n;
   float (*table)[4]; /* [n]: colour, compositing space; extinction, 1/mm */
 };
 
-static uint16_t node_at(const tc_splat_look *m, double number) {
-  const float at = ((float)number - m->lo) * m->scale + 0.5f;
+static uint16_t node_at(const tc_splat_look *m, double number, float lo, float scale) {
+  const float at = ((float)number - lo) * scale + 0.5f;
   return at > 0 ? (uint16_t)fminf(at, m->last) : 0;
+}
+
+static uint16_t color_of(const tc_splat_look *m, const uint8_t *record) {
+  const tc_vmd_attribute *a = m->attribute;
+  const uint8_t *two = record + a->at;
+  if (m->added == ADDS_NORMALS)
+    return (uint16_t)(NODES + (two[0] * NORMAL_HALF + 63) / 127 + NORMAL_SIDE * ((two[1] * NORMAL_HALF + 63) / 127));
+  const double number = tc_vmd_number(a, record);
+  if (m->added == ADDS_PALETTE) return (uint16_t)(NODES + (unsigned)fmin(fmax(number, 0), 65535) % TC_VMD_PALETTE);
+  return node_at(m, number, m->own_lo, m->own_scale);
 }
 
 void tc_splat_look_at(const tc_splat_look *m, const int at[3], uint16_t of[2]) {
@@ -37,10 +54,8 @@ void tc_splat_look_at(const tc_splat_look *m, const int at[3], uint16_t of[2]) {
     of[0] = of[1] = (uint16_t)(i < 0 || i >= m->n ? m->n - 1 : i);
     return;
   }
-  of[0] = of[1] = node_at(m, voxel);
-  if (!m->attribute) return;
-  const double number = tc_vmd_number(m->attribute, tc_vmd_voxel(m->model, at[0], at[1], at[2]));
-  of[0] = m->palette ? (uint16_t)(NODES + (unsigned)fmax(number, 0) % TC_VMD_PALETTE) : node_at(m, number);
+  of[0] = of[1] = node_at(m, voxel, m->lo, m->scale);
+  if (m->attribute) of[0] = color_of(m, tc_vmd_voxel(m->model, at[0], at[1], at[2]));
 }
 
 static void matter_of(const void *user, const int at[3], float rgbk[4]) {
@@ -83,16 +98,45 @@ static void set_nodes(tc_splat_look *m, const tc_scene *scene, bool solid) {
   }
 }
 
+static void set_added(tc_splat_look *m, const tc_scene *scene, int i, int channel, double color) {
+  m->table[NODES + i][channel] = (float)(scene->image.linear_light ? tc_srgb_to_linear(color) : color);
+}
+
 /* Colours that a model names; else labels' usual ones. */
 static void set_palette(tc_splat_look *m, const tc_scene *scene) {
   size_t count;
   const double(*usual)[3] = tc_label_palette(&count);
   for (int i = 0; i < TC_VMD_PALETTE; i++)
-    for (int c = 0; c < 3; c++) {
-      const double color = i < m->model->head.n_palette ? m->model->head.palette[i][c] / 255.0
-                                                        : usual[(size_t)(i + (int)count - 1) % count][c];
-      m->table[NODES + i][c] = (float)(scene->image.linear_light ? tc_srgb_to_linear(color) : color);
-    }
+    for (int c = 0; c < 3; c++)
+      set_added(m, scene, i, c,
+                i < m->model->head.n_palette ? m->model->head.palette[i][c] / 255.0
+                                             : usual[(size_t)(i + (int)count - 1) % count][c]);
+}
+
+static void set_normals(tc_splat_look *m, const tc_scene *scene) {
+  for (int i = 0; i < NORMAL_SIDE * NORMAL_SIDE; i++) {
+    float n[3];
+    tc_octahedron_unfold(i % NORMAL_SIDE, i / NORMAL_SIDE, NORMAL_HALF, n);
+    for (int c = 0; c < 3; c++) set_added(m, scene, i, c, 0.5 + 0.5 * (double)n[c]);
+  }
+}
+
+static void set_attribute(tc_splat_look *m, const tc_scene *scene) {
+  const char *name = scene->splat.attribute;
+  if (!m->model || strcmp(name, "value") == 0) return;
+  m->attribute = tc_vmd_attribute_named(&m->model->head, name);
+  if (!m->attribute) return;
+  m->added = m->attribute->type == TC_VMD_NORMAL ? ADDS_NORMALS : strcmp(name, "label") == 0 ? ADDS_PALETTE : ADDS_NONE;
+}
+
+static void set_table(tc_splat_look *m, const tc_scene *scene, bool solid) {
+  set_nodes(m, scene, solid);
+  if (m->added == ADDS_PALETTE) set_palette(m, scene);
+  if (m->added == ADDS_NORMALS) set_normals(m, scene);
+  if (!m->attribute) return;
+  const double *range = m->model->range[m->attribute - m->model->head.attributes];
+  m->own_lo = (float)range[0];
+  m->own_scale = range[1] > range[0] ? (float)((double)m->last / (range[1] - range[0])) : 0;
 }
 
 static bool has_one_color(const tc_frame_job *job) {
@@ -101,7 +145,7 @@ static bool has_one_color(const tc_frame_job *job) {
 }
 
 bool tc_splat_look_make(const tc_frame_job *job, tc_splat_look **made, GError **error) {
-  const char *name = job->scene->splat.attribute;
+  static const int more[] = {[ADDS_PALETTE] = TC_VMD_PALETTE, [ADDS_NORMALS] = NORMAL_SIDE * NORMAL_SIDE};
   *made = NULL;
   if (has_one_color(job) && job->scene->splat.opaque) return true;
   tc_splat_look *m = calloc(1, sizeof *m);
@@ -109,9 +153,8 @@ bool tc_splat_look_make(const tc_frame_job *job, tc_splat_look **made, GError **
     *m = (tc_splat_look){.volume = job->have.labels ? job->label_volume : job->source,
                          .labels = job->have.labels,
                          .model = tc_volume_model(job->source)};
-    if (m->model && strcmp(name, "value") != 0) m->attribute = tc_vmd_attribute_named(&m->model->head, name);
-    m->palette = m->attribute && strcmp(name, "label") == 0;
-    m->n = m->labels ? MIN(m->labels->n + 1, UINT16_MAX + 1) : NODES + (m->palette ? TC_VMD_PALETTE : 0);
+    set_attribute(m, job->scene);
+    m->n = m->labels ? MIN(m->labels->n + 1, UINT16_MAX + 1) : NODES + more[m->added];
     m->table = calloc((size_t)m->n, sizeof *m->table);
   }
   if (!m || !m->table) {
@@ -122,8 +165,7 @@ bool tc_splat_look_make(const tc_frame_job *job, tc_splat_look **made, GError **
   if (m->labels)
     set_labels(m);
   else
-    set_nodes(m, job->scene, has_one_color(job));
-  if (m->palette) set_palette(m, job->scene);
+    set_table(m, job->scene, has_one_color(job));
   *made = m;
   return true;
 }

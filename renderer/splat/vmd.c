@@ -99,6 +99,17 @@ double tc_vmd_number(const tc_vmd_attribute *attribute, const uint8_t *record) {
   return 0;
 }
 
+void tc_vmd_store(tc_voxel_type type, double number, uint8_t *to) {
+  switch (type) {
+  case TC_U8: *to = (uint8_t)number; break;
+  case TC_I8: memcpy(to, &(int8_t){(int8_t)number}, 1); break;
+  case TC_U16: memcpy(to, &(uint16_t){(uint16_t)number}, 2); break;
+  case TC_I16: memcpy(to, &(int16_t){(int16_t)number}, 2); break;
+  case TC_F32: memcpy(to, &(float){(float)number}, 4); break;
+  case TC_VOXEL_TYPE_COUNT: break;
+  }
+}
+
 /* ---- the index ---- */
 
 void tc_vmd_put_varint(GByteArray *to, uint32_t value) {

@@ -56,6 +56,7 @@ typedef struct tc_vmd {
   uint32_t columns;
   uint8_t *bytes;
   size_t total_bytes; /* of all arrays */
+  double range[TC_VMD_ATTRIBUTES][2]; /* least and greatest finite number of each attribute; set by tc_vmd_volume() */
 } tc_vmd;
 
 void tc_vmd_free(tc_vmd *vmd); /* NULL is fine */
@@ -90,6 +91,8 @@ const tc_vmd_attribute *tc_vmd_attribute_named(const tc_vmd_head *head, const ch
 const tc_vmd_attribute *tc_vmd_value_attribute(const tc_vmd_head *head); /* "value", else "label"; NULL: all are 1 */
 /* An attribute's stored number in a record (for a normal its 16 bits). */
 double tc_vmd_number(const tc_vmd_attribute *attribute, const uint8_t *record);
+/* Stores a number that the type can hold, as one of its voxels. */
+void tc_vmd_store(tc_voxel_type type, double number, uint8_t *to);
 size_t tc_vmd_type_size(tc_vmd_type type);
 /* Appends an attribute. TC_ERROR_LIMIT: too many attributes, or the name is invalid or already used. */
 bool tc_vmd_head_add(tc_vmd_head *head, const char *name, tc_vmd_type type, GError **error);
@@ -121,15 +124,20 @@ tc_vmd *tc_vmd_make_part(const tc_vmd_part *part, tc_pool *pool, GError **error)
 
 typedef struct tc_vmd_wish {
   double low, high; /* voxels with values from low to high, both included, are filled; may be infinite */
-  bool labels;      /* the volume is a label map: attribute "label" instead of "value", and a palette */
+  bool labels;      /* the volume is a label map: its voxels are attribute "label", not "value" */
   bool shell;
   const char *attributes;                        /* comma-separated subset of value,label,normal,user; NULL or "": none */
+  /* Volumes of the attributes that the volume itself does not give, on any grids that overlap it: a voxel has the number
+   * of the nearest voxel there. Outside of them: the least value; label and user 0. Borrowed. */
+  const tc_volume *value_of; /* NULL: a label map has no attribute "value" */
+  const tc_volume *label_of; /* label map; NULL: a volume of values has no attribute "label" */
+  const tc_volume *user_of;  /* whole numbers from 0 to 255; NULL: attribute "user" is 0 */
   bool (*shows)(const void *user, double voxel); /* replaces the range: whether a stored voxel is filled; or NULL */
   const void *user;
 } tc_vmd_wish;
 
-/* Builds the model of a volume. TC_ERROR_INVALID for attributes that are unknown or that the volume does not have, and for
- * volumes without a grid. */
+/* Builds the model of a volume. TC_ERROR_INVALID for attributes that are unknown or that no volume gives, for volumes of
+ * attributes that do not overlap the volume or hold numbers that the attribute cannot, and for volumes without a grid. */
 tc_vmd *tc_vmd_of_volume(const tc_volume *volume, const tc_vmd_wish *wish, tc_pool *pool, GError **error);
 
 /* Outward normals of a volume's object of these values, from how far inside its range voxels are: the mean slope where

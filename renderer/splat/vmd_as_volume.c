@@ -42,6 +42,23 @@ static void widen(void *user, double voxel) {
   if (voxel > r->hi) r->hi = voxel;
 }
 
+/* Ranges of all attributes; a run of equal records counts once. */
+static void find_ranges(tc_vmd *vmd) {
+  const int n = vmd->head.n_attributes;
+  for (int i = 0; i < n; i++) vmd->range[i][0] = INFINITY, vmd->range[i][1] = -INFINITY;
+  for (uint32_t c = 0; c < vmd->columns; c++)
+    for (tc_vmd_run run = {.at = vmd->bytes + tc_vmd_start(vmd, c)}; tc_vmd_next(vmd, &run);)
+      for (int i = 0; i < (run.step ? run.count : 1); i++)
+        for (int a = 0; a < n; a++) {
+          const double number = tc_vmd_number(&vmd->head.attributes[a], run.records + (size_t)i * run.step);
+          if (!isfinite(number)) continue;
+          if (number < vmd->range[a][0]) vmd->range[a][0] = number;
+          if (number > vmd->range[a][1]) vmd->range[a][1] = number;
+        }
+  for (int i = 0; i < n; i++)
+    if (vmd->range[i][0] > vmd->range[i][1]) vmd->range[i][0] = vmd->range[i][1] = 0;
+}
+
 static void free_model(void *model) { tc_vmd_free(model); }
 
 tc_volume *tc_vmd_volume(tc_vmd *vmd, GError **error) {
@@ -54,24 +71,13 @@ tc_volume *tc_vmd_volume(tc_vmd *vmd, GError **error) {
     return NULL;
   }
   if (!vmd->voxels) r.lo = r.hi = 0;
+  find_ranges(vmd);
   d.type = a ? (tc_voxel_type)a->type : TC_U8;
   if (!a || strcmp(a->name, "value") != 0) d.slope = 1, d.intercept = 0;
   g_strlcpy(d.format, "vmd", sizeof d.format);
   snprintf(d.note, sizeof d.note, "a run-length model of %llu voxels in %llu runs", (unsigned long long)vmd->voxels,
            (unsigned long long)vmd->runs);
   return tc_volume_of_sparse(&d, &(tc_sparse){vmd, vmd->total_bytes, r.lo, r.hi, voxel, each, free_model}, error);
-}
-
-/* A number as a voxel of a type that has it. */
-static void store(tc_voxel_type type, double number, uint8_t voxel[4]) {
-  switch (type) {
-  case TC_U8: *voxel = (uint8_t)number; break;
-  case TC_I8: memcpy(voxel, &(int8_t){(int8_t)number}, 1); break;
-  case TC_U16: memcpy(voxel, &(uint16_t){(uint16_t)number}, 2); break;
-  case TC_I16: memcpy(voxel, &(int16_t){(int16_t)number}, 2); break;
-  case TC_F32: memcpy(voxel, &(float){(float)number}, 4); break;
-  case TC_VOXEL_TYPE_COUNT: break;
-  }
 }
 
 /* The stored voxel of what is free. */
@@ -90,7 +96,7 @@ tc_volume *tc_vmd_grid(const tc_volume *volume, GError **error) {
   tc_volume *grid = tc_volume_new(d, error);
   uint8_t blank[4], one[4], *voxels = grid ? tc_volume_voxels(grid) : NULL;
   if (!grid) return NULL;
-  store(d->type, free_voxel(volume), blank), store(d->type, 1, one);
+  tc_vmd_store(d->type, free_voxel(volume), blank), tc_vmd_store(d->type, 1, one);
   for (size_t i = 0; i < nx * ny * (size_t)d->dims[2]; i++) memcpy(voxels + i * size, blank, size);
   for (int y = 0; y < d->dims[1]; y++)
     for (int x = 0; x < d->dims[0]; x++)

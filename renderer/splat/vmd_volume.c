@@ -4,10 +4,22 @@
 #include <string.h>
 
 #include "renderer/base/vector.h"
+#include "renderer/classify/labels.h"
 #include "renderer/scene/scene.h"
 #include "renderer/splat/normal.h"
 #include "renderer/splat/vmd.h"
+#include "renderer/volume/provenance.h"
 #include "renderer/volume/voxel.h"
+
+/* An attribute whose numbers come from another volume. */
+typedef struct attribute_source {
+  const tc_volume *of;
+  double matrix[3][4];     /* to its index coordinates */
+  double slope, intercept; /* from its stored voxels to numbers */
+  double outside;          /* number outside of it, and the least */
+  int at;                  /* byte offset in a record */
+  tc_voxel_type type;
+} attribute_source;
 
 struct tc_vmd_subject {
   const tc_volume *volume;
@@ -18,8 +30,11 @@ struct tc_vmd_subject {
   bool (*shows)(const void *user, double voxel);
   const void *shows_user;
   double to_index[9];
-  int value, label, normal; /* bytes before them in a record; -1: not there */
-  bool steps;               /* values tell filled from free alone: labels, masks */
+  int own, normal; /* byte offsets in a record of the volume's voxel and of the normal; -1: not there */
+  attribute_source sources[TC_VMD_ATTRIBUTES];
+  int n_sources;
+  bool labels; /* the volume is a label map */
+  bool steps;  /* values tell filled from free alone: labels, masks */
 };
 typedef struct tc_vmd_subject subject;
 
@@ -110,7 +125,7 @@ static void stored_range(subject *s, double low, double high) {
 static double inside_at(const subject *s, size_t i) {
   const tc_volume_stats *stats = tc_volume_statistics(s->volume);
   double v = tc_voxel_at(s->d->type, s->data, i), above = v - s->low, below = s->high - v;
-  if (s->label >= 0) return above >= 0 && below >= 0 ? 1 : -1;
+  if (s->labels) return above >= 0 && below >= 0 ? 1 : -1;
   if (s->low <= stats->voxel_min && s->high >= stats->voxel_max) return v;
   if (s->low <= stats->voxel_min) return below;
   return s->high >= stats->voxel_max ? above : fmin(above, below);
@@ -258,11 +273,23 @@ double tc_vmd_end_at(const void *user, const int at[3], const double direction[3
   return most;
 }
 
+/* Of the nearest voxel. */
+static double number_from(const attribute_source *f, const double at[3]) {
+  double voxel;
+  int nearest[3];
+  for (int r = 0; r < 3; r++) {
+    const double place = dot3(f->matrix[r], at) + f->matrix[r][3];
+    nearest[r] = (int)floor(fmin(fmax(place, -1), tc_volume_describe(f->of)->dims[r]) + 0.5);
+  }
+  return tc_volume_voxel(f->of, nearest, &voxel) ? fmax(f->slope * voxel + f->intercept, f->outside) : f->outside;
+}
+
 static void record(void *user, int x, int y, int z, uint8_t *to) {
   const subject *s = user;
   const size_t i = voxel_index(s, x, y, z), size = tc_voxel_size(s->d->type);
-  const int at = s->value >= 0 ? s->value : s->label;
-  if (at >= 0) memcpy(to + at, (const uint8_t *)s->data + i * size, size);
+  if (s->own >= 0) memcpy(to + s->own, (const uint8_t *)s->data + i * size, size);
+  for (int k = 0; k < s->n_sources; k++)
+    tc_vmd_store(s->sources[k].type, number_from(&s->sources[k], (double[]){x, y, z}), to + s->sources[k].at);
   if (s->normal >= 0) {
     double n[3];
     tc_vmd_normal_at(s, x, y, z, n);
@@ -276,8 +303,7 @@ static subject subject_of(const tc_volume *volume, double low, double high) {
                .d = tc_volume_describe(volume),
                .data = tc_volume_data(volume),
                .model = tc_volume_model(volume),
-               .value = -1,
-               .label = -1,
+               .own = -1,
                .normal = -1};
   const tc_volume_stats *range = tc_volume_statistics(volume);
   s.steps = s.d->type != TC_F32 && range->voxel_max - range->voxel_min <= 1;
@@ -296,21 +322,57 @@ void tc_vmd_subject_free(tc_vmd_subject *subject) { free(subject); }
 
 /* ---- the wish ---- */
 
-static bool add_attribute(tc_vmd_head *head, subject *s, const char *name, bool labels, GError **error) {
-  const tc_vmd_type own = (tc_vmd_type)s->d->type;
-  int *at = NULL;
+/* Attributes "label" and "user" hold numbers, "value" stored voxels, whose scale the model has. */
+static void add_source(subject *s, tc_vmd_head *head, const tc_volume *of, bool value) {
+  const tc_volume_desc *d = tc_volume_describe(of);
+  const tc_volume_stats *range = tc_volume_statistics(of);
+  attribute_source *f = &s->sources[s->n_sources++];
+  *f = (attribute_source){.of = of, .slope = d->slope, .intercept = d->intercept, .at = head->record_bytes};
+  f->type = range->max <= UINT8_MAX ? TC_U8 : TC_U16;
+  tc_labels_matrix(s->volume, of, f->matrix);
+  if (!value) return;
+  f->type = d->type, f->slope = 1, f->intercept = 0, f->outside = range->voxel_min;
+  head->grid.slope = d->slope, head->grid.intercept = d->intercept;
+  memcpy(head->grid.unit, d->unit, sizeof d->unit), memcpy(head->grid.modality, d->modality, sizeof d->modality);
+}
+
+static bool add_attribute(tc_vmd_head *head, subject *s, const char *name, const tc_vmd_wish *wish, GError **error) {
+  const bool value = strcmp(name, "value") == 0, label = strcmp(name, "label") == 0, user = strcmp(name, "user") == 0;
+  const bool own = wish->labels ? label : value;
+  const tc_volume *of = value ? wish->value_of : label ? wish->label_of : user ? wish->user_of : NULL;
   tc_vmd_type type = TC_VMD_U8;
-  if (strcmp(name, "value") == 0 && !labels) at = &s->value, type = own;
-  if (strcmp(name, "label") == 0 && labels) at = &s->label, type = own;
-  if (strcmp(name, "normal") == 0) at = &s->normal, type = TC_VMD_NORMAL;
-  if (!at && strcmp(name, "user") != 0) {
+  if (own) {
+    s->own = head->record_bytes, type = (tc_vmd_type)s->d->type;
+  } else if (of) {
+    add_source(s, head, of, value);
+    type = (tc_vmd_type)s->sources[s->n_sources - 1].type;
+  } else if (strcmp(name, "normal") == 0) {
+    s->normal = head->record_bytes, type = TC_VMD_NORMAL;
+  } else if (!user) {
     tc_set_error(error, TC_ERROR_INVALID, NULL, "attributes: %s expected, separated by commas",
-                 labels ? "label, normal or user (a label map has no values)"
-                        : "value, normal or user (labels are those of a label map)");
+                 wish->labels ? "label, normal or user (a label map has no values)"
+                              : "value, normal or user (labels are those of a label map)");
     return false;
   }
-  if (at) *at = head->record_bytes;
   return tc_vmd_head_add(head, name, type, error);
+}
+
+static bool holds(const char *name, const tc_volume *of, double most, GError **error) {
+  const tc_volume_stats *range = tc_volume_statistics(of);
+  if (range->max <= most && (range->min >= 0 || most > UINT8_MAX)) return true;
+  tc_set_error(error, TC_ERROR_INVALID, NULL, "%s: whole numbers from 0 to %g expected, the volume holds %g to %g", name,
+               most, range->min, range->max);
+  return false;
+}
+
+/* Negative numbers mean no label. */
+static bool check_sources(const tc_volume *volume, const tc_vmd_wish *wish, GError **error) {
+  if (wish->value_of && !tc_labels_fit(wish->value_of, volume, "labels", error)) return false;
+  if (wish->label_of && !(tc_labels_fit(volume, wish->label_of, "labels", error) &&
+                          holds("labels", wish->label_of, UINT16_MAX, error)))
+    return false;
+  return !wish->user_of ||
+         (tc_labels_fit(volume, wish->user_of, "user", error) && holds("user", wish->user_of, UINT8_MAX, error));
 }
 
 static bool keeps(const void *user, const uint8_t *record) {
@@ -326,12 +388,17 @@ static tc_vmd *part_of(const subject *s, const tc_vmd_wish *wish, tc_pool *pool,
   return NULL;
 }
 
-static void set_palette(tc_vmd_head *head) {
+/* Colours of the segments, or the usual ones of their numbers. */
+static void set_palette(tc_vmd_head *head, const tc_volume *labels) {
   size_t count;
   const double(*colors)[3] = tc_label_palette(&count);
   head->n_palette = TC_VMD_PALETTE;
   for (size_t label = 1; label < TC_VMD_PALETTE; label++) {
-    for (int c = 0; c < 3; c++) head->palette[label][c] = (uint8_t)lround(colors[(label - 1) % count][c] * 255);
+    const tc_segment *own = tc_volume_segment(labels, (uint32_t)label);
+    for (int c = 0; c < 3; c++) {
+      const double color = own && own->has_color ? (double)own->color[c] : colors[(label - 1) % count][c];
+      head->palette[label][c] = (uint8_t)lround(fmin(fmax(color, 0), 1) * 255);
+    }
     head->palette[label][3] = 255;
   }
 }
@@ -340,13 +407,15 @@ tc_vmd *tc_vmd_of_volume(const tc_volume *volume, const tc_vmd_wish *wish, tc_po
   subject s = subject_of(volume, wish->low, wish->high);
   s.shows = wish->shows, s.shows_user = wish->user;
   if (s.model) return part_of(&s, wish, pool, error);
+  if (!check_sources(volume, wish, error)) return NULL;
+  s.labels = wish->labels, s.steps = s.steps || s.labels;
   tc_vmd_source source = {.head = {.grid = *s.d}, .shell = wish->shell, .user = &s, .fill = fill, .record = record};
   char **names = g_strsplit(wish->attributes ? wish->attributes : "", ",", -1);
   bool good = true;
   for (char **name = names; *name && good; name++)
-    good = add_attribute(&source.head, &s, g_strstrip(*name), wish->labels, error);
+    good = add_attribute(&source.head, &s, g_strstrip(*name), wish, error);
   g_strfreev(names);
   if (!good) return NULL;
-  if (s.label >= 0) s.steps = true, set_palette(&source.head);
+  if (tc_vmd_attribute_named(&source.head, "label")) set_palette(&source.head, wish->labels ? volume : wish->label_of);
   return tc_vmd_make(&source, pool, error);
 }

@@ -103,9 +103,12 @@ static void add_vector(cJSON *object, const char *name, const double *values, in
 void tcs_describe_model(cJSON *json, const tc_vmd *model) {
   static const char *const types[TC_VMD_TYPE_COUNT] = {"u8", "i8", "u16", "i16", "f32", "normal"};
   const tc_vmd_head *h = &model->head;
-  cJSON *attributes = cJSON_AddObjectToObject(json, "attributes");
-  for (int i = 0; i < h->n_attributes; i++)
+  cJSON *attributes = cJSON_AddObjectToObject(json, "attributes"), *ranges = cJSON_AddObjectToObject(json, "ranges");
+  for (int i = 0; i < h->n_attributes; i++) {
     cJSON_AddStringToObject(attributes, h->attributes[i].name, types[h->attributes[i].type]);
+    if (h->attributes[i].type != TC_VMD_NORMAL)
+      cJSON_AddItemToObject(ranges, h->attributes[i].name, cJSON_CreateDoubleArray(model->range[i], 2));
+  }
   cJSON_AddNumberToObject(json, "voxels", (double)model->voxels);
   cJSON_AddNumberToObject(json, "runs", (double)model->runs);
   cJSON_AddNumberToObject(json, "colors", h->n_palette);

@@ -24,8 +24,10 @@ typedef struct wanted {
 typedef struct arguments {
   char *iso, *label, *simplify;         /* of a mesh */
   char *threshold, *shell, *attributes; /* of a voxel model */
+  char *labels_of, *user_of;            /* volumes of attributes "label" and "user" */
   char **rest;                          /* IN, OUT */
-  gboolean ascii, gzip, labels;
+  gboolean ascii, gzip;
+  bool labels; /* --labels, with a volume or without */
   int threads;
 } arguments;
 
@@ -54,24 +56,40 @@ static bool read_numbers(const char *option, const char *text, int count, double
 
 static bool names_model(const char *path) { return tc_export_kind_of(path) == TC_EXPORT_MODEL; }
 
+static bool lists(const char *attributes, const char *name) {
+  char **names = g_strsplit(attributes ? attributes : "", ",", -1);
+  bool found = false;
+  for (char **n = names; *n; n++) found = found || strcmp(g_strstrip(*n), name) == 0;
+  g_strfreev(names);
+  return found;
+}
+
 /* A label volume's model holds the voxels above 0. */
 static bool make_wish(const arguments *a, wanted *w, GError **error) {
   double range[2] = {DBL_MIN, INFINITY};
+  if (a->user_of && !lists(a->attributes, "user")) return bad_usage(error, "--user: --attributes must list user");
+  if (a->labels_of && (a->threshold || a->shell) && !lists(a->attributes, "label"))
+    return bad_usage(error, "--labels: --attributes must list label");
   if (!read_numbers("--threshold", a->threshold, 2, -INFINITY, range, error)) return false;
   if (!read_numbers("--iso-shell", a->shell, 1, -INFINITY, range, error)) return false;
-  w->model = (tc_vmd_wish){
-      .low = range[0], .high = range[1], .labels = a->labels, .shell = a->shell != NULL, .attributes = a->attributes};
+  w->model = (tc_vmd_wish){.low = range[0],
+                           .high = range[1],
+                           .labels = !a->threshold && !a->shell,
+                           .shell = a->shell != NULL,
+                           .attributes = a->attributes};
   return true;
 }
 
-/* A voxel model needs exactly one option that selects its voxels, unless it is made of another, whose voxels it has. */
+/* A voxel model needs exactly one option that selects its voxels, unless it is made of another, whose voxels it has. A
+ * volume of labels does where no other option selects. */
 static bool check_model(const arguments *a, bool model, wanted *w, GError **error) {
-  int ways = (a->threshold != NULL) + (a->shell != NULL) + a->labels;
-  if (!model && (ways || a->attributes))
-    return bad_usage(error, "--threshold, --labels, --iso-shell and --attributes go with .vmd");
+  const bool own = a->labels && !a->labels_of, any = a->threshold || a->shell || a->labels || a->attributes || a->user_of;
+  const int ways = (a->threshold != NULL) + (a->shell != NULL) + (own || (a->labels && !a->threshold && !a->shell));
+  if (!model && any)
+    return bad_usage(error, "--threshold, --labels, --iso-shell, --attributes and --user go with .vmd");
   if (!model) return true;
   if (names_model(a->rest[0]))
-    return !(ways || a->attributes) || bad_usage(error, "IN is a .vmd: OUT has its voxels and attributes");
+    return !any || bad_usage(error, "IN is a .vmd: OUT has its voxels and attributes");
   return ways == 1 ? make_wish(a, w, error)
                    : bad_usage(error, "a .vmd needs its voxels: --threshold LOW,HIGH, or --labels, or --iso-shell V");
 }
@@ -95,6 +113,25 @@ static bool check_mesh(const arguments *a, bool mesh, wanted *w, GError **error)
   return bad_usage(error, "--label: must be a whole number below 2^32");
 }
 
+/* The volume of --labels may be left out: it becomes "". */
+static void complete_labels(int argc, char **argv) {
+  static char alone[] = "--labels=";
+  for (int i = 1; i < argc; i++)
+    if (strcmp(argv[i], "--labels") == 0 && (i + 1 == argc || argv[i + 1][0] == '-')) argv[i] = alone;
+}
+
+/* Left out: IN is the label map, also where IN follows --labels. */
+static void find_labels(arguments *a) {
+  a->labels = a->labels_of != NULL;
+  if (a->labels && *a->labels_of && a->rest && g_strv_length(a->rest) == 1) {
+    char **both = g_new0(char *, 3);
+    both[0] = g_steal_pointer(&a->labels_of), both[1] = a->rest[0];
+    g_free(a->rest);
+    a->rest = both;
+  }
+  if (a->labels_of && !*a->labels_of) g_clear_pointer(&a->labels_of, g_free);
+}
+
 static bool parse(arguments *a, int argc, char **argv, wanted *w, GError **error) {
   const GOptionEntry entries[] = {
       {"iso", 0, 0, G_OPTION_ARG_FILENAME, &a->iso,
@@ -106,10 +143,12 @@ static bool parse(arguments *a, int argc, char **argv, wanted *w, GError **error
       {"ascii", 0, 0, G_OPTION_ARG_NONE, &a->ascii, "write .ply and .stl as text", NULL},
       {"gzip", 0, 0, G_OPTION_ARG_NONE, &a->gzip, "compress a .nrrd or .vmd (a .nii.gz always is)", NULL},
       {"threshold", 0, 0, G_OPTION_ARG_STRING, &a->threshold, "voxels of a .vmd: values from LOW to HIGH", "LOW,HIGH"},
-      {"labels", 0, 0, G_OPTION_ARG_NONE, &a->labels, "voxels of a .vmd: all labels of IN, a label map", NULL},
+      {"labels", 0, 0, G_OPTION_ARG_FILENAME, &a->labels_of,
+       "label map of a .vmd, IN where left out: attribute label, and without another choice its voxels", "[VOLUME]"},
       {"iso-shell", 0, 0, G_OPTION_ARG_STRING, &a->shell, "voxels of a .vmd: voxels from V on, the outermost layer only", "V"},
       {"attributes", 0, 0, G_OPTION_ARG_STRING, &a->attributes,
        "what a .vmd keeps of each voxel: some of value,label,normal,user", "LIST"},
+      {"user", 0, 0, G_OPTION_ARG_FILENAME, &a->user_of, "attribute user of a .vmd: whole numbers from 0 to 255", "VOLUME"},
       {"threads", 0, 0, G_OPTION_ARG_INT, &a->threads, "CPU workers (one per core)", "N"},
       {0}};
   const tcs_cli_usage usage = {"convert", "IN OUT",
@@ -117,7 +156,9 @@ static bool parse(arguments *a, int argc, char **argv, wanted *w, GError **error
                                "surface as .ply, .stl or .obj, or an object in it as a run-length voxel model, .vmd; "
                                "the values of such a model as any of these; a mesh in .ply, .stl or .obj as another of these.",
                                entries};
+  complete_labels(argc, argv);
   if (!tcs_cli_parse(&usage, argc, argv, &a->rest, error)) return false;
+  find_labels(a);
   if (!a->rest || g_strv_length(a->rest) != 2)
     return bad_usage(error, "give IN and OUT; see tomocast convert --help");
   tc_export_kind kind = tc_export_kind_of(a->rest[1]);
@@ -225,16 +266,40 @@ static bool write_file(const tc_vmd *model, const arguments *a, GError **error) 
   return true;
 }
 
+/* path NULL: no volume, and no error. */
+static bool import_beside(const char *path, tc_volume **volume, GError **error) {
+  *volume = path ? tc_import(path, NULL, error) : NULL;
+  return *volume || !path;
+}
+
+/* A label map that selects the voxels is the model's grid. */
+static tc_vmd *make_model(const tc_volume *volume, const wanted *w, const arguments *a, GError **error) {
+  tc_volume *labels = NULL, *user = NULL;
+  tc_vmd_wish wish = w->model;
+  tc_vmd *model = NULL;
+  tc_pool *pool = tc_pool_new(a->threads, error);
+  if (pool && import_beside(a->labels_of, &labels, error) && import_beside(a->user_of, &user, error)) {
+    const bool select = labels && wish.labels;
+    wish.value_of = select ? volume : NULL, wish.label_of = labels, wish.user_of = user;
+    model = tc_vmd_of_volume(select ? labels : volume, &wish, pool, error);
+  }
+  tc_volume_unref(labels);
+  tc_volume_unref(user);
+  tc_pool_free(pool);
+  return model;
+}
+
 static bool write_model(const tc_volume *volume, const wanted *w, const arguments *a, GError **error) {
   if (tc_volume_sparse(volume)) return write_file(tc_volume_model(volume), a, error);
-  tc_pool *pool = tc_pool_new(a->threads, error);
-  tc_vmd *model = pool ? tc_vmd_of_volume(volume, &w->model, pool, error) : NULL;
-  tc_pool_free(pool);
+  tc_vmd *model = make_model(volume, w, a, error);
   const tc_volume_stats *range = tc_volume_statistics(volume);
   bool good = model != NULL;
   if (good && !model->voxels) {
-    tc_set_error(error, TC_ERROR_INVALID, NULL, "no voxel is in that range; the volume's values are %g to %g",
-                 range->min, range->max);
+    if (a->labels_of && w->model.labels)
+      tc_set_error(error, TC_ERROR_INVALID, NULL, "--labels: the volume has no voxel above 0");
+    else
+      tc_set_error(error, TC_ERROR_INVALID, NULL, "no voxel is in that range; the volume's values are %g to %g",
+                   range->min, range->max);
     good = false;
   }
   good = good && write_file(model, a, error);
@@ -290,6 +355,8 @@ int tcs_cli_convert(int argc, char **argv) {
   g_free(a.threshold);
   g_free(a.shell);
   g_free(a.attributes);
+  g_free(a.labels_of);
+  g_free(a.user_of);
   g_strfreev(a.rest);
   return code;
 }

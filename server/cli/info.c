@@ -96,10 +96,14 @@ static void print_labels(const tc_volume *volume) {
     if (!s[i].of[0]) printf("label %-6u %s\n", s[i].label, *s[i].name ? s[i].name : "without a name");
 }
 
-static void print_attributes(const tc_vmd_head *head) {
-  printf("attributes  ");
-  for (int i = 0; i < head->n_attributes; i++) printf(" %s", head->attributes[i].name);
-  printf("%s\n", head->n_attributes ? "" : " none");
+static void print_attributes(const tc_vmd *model) {
+  const tc_vmd_head *head = &model->head;
+  printf("attributes   %s", head->n_attributes ? "" : "none");
+  for (int i = 0; i < head->n_attributes; i++) {
+    printf("%s%s", i ? ", " : "", head->attributes[i].name);
+    if (head->attributes[i].type != TC_VMD_NORMAL) printf(" %g .. %g", model->range[i][0], model->range[i][1]);
+  }
+  printf("\n");
 }
 
 static void print_text(const report *r) {
@@ -119,7 +123,7 @@ static void print_text(const report *r) {
   printf("bytes        %zu\n", tc_volume_bytes(r->volume));
   printf("modality     %s\n", *d->modality ? d->modality : "unknown");
   printf("frames       %d\n", d->frames);
-  if (tc_volume_sparse(r->volume)) print_attributes(&((const tc_vmd *)tc_volume_model(r->volume))->head);
+  if (tc_volume_sparse(r->volume)) print_attributes(tc_volume_model(r->volume));
   if (from->slices_found) printf("slices       %d of %d\n", from->slices_used, from->slices_found);
   if (d->window_width > 0) printf("window       center %g, width %g\n", d->window_center, d->window_width);
   if (r->stats->non_finite)

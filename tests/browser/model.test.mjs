@@ -26,7 +26,7 @@ describe('a run-length model', { skip: MISSING }, () => {
     const offered = (path) =>
       page.$$eval(`[data-path="${path}"] option`, (options) => options.filter((o) => !o.hidden).map((o) => o.value));
     assert.deepEqual(await offered('mode'), ['splat']);
-    assert.deepEqual(await offered('splat.attribute'), ['color', 'value', 'user']);
+    assert.deepEqual(await offered('splat.attribute'), ['color', 'value', 'normal', 'user']);
     const plain = await settled(page);
     await page.selectOption('[data-path="splat.attribute"]', 'value');
     assert.ok(difference(plain, await settled(page)) > 1.5, 'colours are those of the transfer function');

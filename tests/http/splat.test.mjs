@@ -1,6 +1,8 @@
 // Mode splat: the voxels of a ball of radius 24.8 mm about (41, 51, 61), as a solid and as a cloud; run-length models.
 import assert from 'node:assert/strict';
-import { readFileSync } from 'node:fs';
+import { execFileSync } from 'node:child_process';
+import { readFileSync, writeFileSync } from 'node:fs';
+import { join } from 'node:path';
 import { after, before, test } from 'node:test';
 import { ballNrrd, Daemon, problem, sleep } from '../support/daemon.mjs';
 import { readPng } from '../support/png.mjs';
@@ -127,6 +129,7 @@ test('a run-length model is a volume like any other, and never a dense grid', as
   const { json: volume } = await d.get('/v1/volumes/model');
   assert.deepEqual([volume.format, volume.dims, volume.range, volume.model.voxels], ['vmd', [SIDE, SIDE, SIDE], [200, 200], voxels]);
   assert.deepEqual(volume.model.attributes, { value: 'u8', label: 'u8', user: 'u8' });
+  assert.deepEqual(volume.model.ranges, { value: [200, 200], label: [1, 2], user: [7, 7] });
   assert.ok(volume.bytes < 8 * voxels);
   const { json: session, status } = await d.post('/v1/sessions', { volume: 'model', scene: closeUp });
   assert.equal(status, 201, JSON.stringify(session));
@@ -152,6 +155,45 @@ test('a run-length model is a volume like any other, and never a dense grid', as
     assert.ok(await png(session.links));
   }
   problem(await d.post('/v1/sessions', { volume: 'ball', scene: { labels: { volume: 'model' } } }), 422, '/scene/labels/volume');
+});
+
+test('a converted model has value, label, normal and user: listed, coloured by and picked', async () => {
+  const n = 32, header = ballNrrd(n).subarray(0, -(n ** 3)), files = [ballNrrd(n), header, header].map((bytes, i) => {
+    const path = join(d.folder, `attribute${i}.nrrd`); // values; labels 1 and 2 left and right; user: from low to high
+    const own = Buffer.from(Array.from({ length: n ** 3 }, (_, at) => (i === 1 ? (at % n < n / 2 ? 1 : 2) : 4 * Math.floor(at / n ** 2))));
+    writeFileSync(path, i ? Buffer.concat([bytes, own]) : bytes);
+    return path;
+  });
+  const path = join(d.folder, 'four.vmd'), all = ['--attributes', 'value,label,normal,user'];
+  execFileSync(process.env.TC_BINARY, ['convert', files[0], path, '--threshold', '100,255', '--labels', files[1], '--user', files[2], ...all]);
+  await d.call('PUT', '/v1/volumes/four', { body: readFileSync(path), type: 'application/octet-stream' });
+  await d.resident('four');
+  const { json: volume } = await d.get('/v1/volumes/four');
+  assert.deepEqual(volume.model.attributes, { value: 'u8', label: 'u8', normal: 'normal', user: 'u8' });
+  assert.deepEqual(Object.keys(volume.model.ranges), ['value', 'label', 'user']);
+  assert.deepEqual(volume.model.ranges.label, [1, 2]);
+  const { links } = (await d.post('/v1/sessions', { volume: 'four', scene: { ...scene, shading: { model: 'none' } } })).json;
+  const { json: hit } = await d.get(`${links.self}/pick?x=26&y=20`);
+  const { value, label, normal, user } = hit.attributes, voxels = readFileSync(files[0]).subarray(-(n ** 3));
+  const [x, y, z] = hit.voxel;
+  assert.deepEqual([value, label, user], [voxels[(z * n + y) * n + x], 2, 4 * z]);
+  // The ball ends in a step from 153 to 0.
+  const out = [x, y, z].map((at) => at - (n - 1) / 2), length = Math.hypot(...out);
+  assert.ok(normal.every((number, k) => Math.abs(number - out[k] / length) < 0.3), `${normal} of ${out}`);
+  const seen = async (attribute) => {
+    assert.equal((await d.patch(links.scene, { splat: { attribute } })).status, 200);
+    const picture = readPng(Buffer.from(await png(links), 'base64'));
+    return (x, y) => picture.at(x, y).slice(0, 3);
+  };
+  // Normals: components as red, green, blue; towards the eye, at -y.
+  const normals = await seen('normal');
+  assert.ok(normals(20, 20)[1] < 20 && Math.abs(normals(20, 20)[0] - 128) < 20, `${normals(20, 20)}`);
+  assert.ok(normals(30, 20)[0] > 170 && normals(10, 20)[0] < 90 && normals(20, 10)[2] > 170, `${normals(30, 20)} ${normals(20, 10)}`);
+  // User: from the colour of the least value, 153, at the bottom, to that of the greatest.
+  const users = await seen('user');
+  assert.ok(users(20, 9)[0] < 40 && users(20, 31)[0] > 140, `${users(20, 9)} ${users(20, 31)}`);
+  const labels = await seen('label');
+  assert.notDeepEqual(labels(12, 20), labels(28, 20));
 });
 
 test('a damaged model fails with its reason, packed or not', async () => {

@@ -247,6 +247,28 @@ TEST(voxel_models_there_and_back) {
   accept(a);
 }
 
+/* Value, label, normal and user of each voxel; labels that select the voxels; --labels without a volume, wherever it stands. */
+TEST(voxel_models_have_four_attributes) {
+  static const char all[] = "value,label,normal,user", head[] = "demo:head", labels[] = "demo:head-labels";
+  accept(RUN("convert", head, "a.vmd", "--threshold", "300,1e9", "--labels", labels, "--user", labels, "--attributes", all));
+  outcome a = RUN("info", "a.vmd");
+  assert_non_null(strstr(a.out, "attributes   value 300 .. 2122, label 0 .. "));
+  assert_non_null(strstr(a.out, ", normal, user 0 .. "));
+  accept(a);
+  accept(RUN("convert", head, "b.vmd", "--labels", labels, "--attributes", "value,label"));
+  a = RUN("info", "b.vmd");
+  assert_non_null(strstr(a.out, "label 1 .. "));
+  accept(a);
+  accept(RUN("convert", labels, "a.vmd", "--labels", "--attributes", "label"));
+  accept(RUN("convert", "--labels", labels, "b.vmd", "--attributes", "label"));
+  assert_same_files("a.vmd", "b.vmd");
+  refuse(RUN("convert", head, "a.vmd", "--threshold", "1,2", "--user", labels), 2, "--attributes must list user");
+  refuse(RUN("convert", head, "a.vmd", "--threshold", "1,2", "--labels", labels), 2, "--attributes must list label");
+  refuse(RUN("convert", head, "a.vmd", "--threshold", "1,2", "--labels"), 2, "a .vmd needs its voxels");
+  refuse(RUN("convert", head, "a.vmd", "--threshold", "300,1e9", "--user", head, "--attributes", "user"), 1, "from 0 to 255 expected");
+  refuse(RUN("convert", head, "a.vmd", "--labels", "none.nrrd"), 1, "none.nrrd: no such file");
+}
+
 TEST(meshes_among_each_other) {
   put_file("t.obj", "v 0 0 0\nv 2 0 0\nv 0 2 0\nv 0 0 2\nf 1 3 2\nf 1 2 4\nf 1 4 3\nf 2 3 4\nf 1 1 2\n");
   accept(RUN("convert", "t.obj", "t.stl"));

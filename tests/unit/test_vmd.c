@@ -209,6 +209,111 @@ TEST(models_survive_a_file) {
     tc_volume_unref(volumes[i]);
 }
 
+static int label_noise(int x, int y, int z) { return noise(z, x, y) % 300 - 1; }
+
+static int user_noise(int x, int y, int z) { return noise(y, z, x); }
+
+/* Twice as coarse, shifted and turned: axis x of this grid is y of the other. */
+static const tc_volume_desc coarse = {.dims = {8, 16, 60},
+                                      .type = TC_I16,
+                                      .spacing = {2, 2, 2},
+                                      .origin = {1.25, -0.75, 3},
+                                      .slope = 2,
+                                      .intercept = 1,
+                                      .direction = {0, 1, 0, 1, 0, 0, 0, 0, 1}};
+
+/* Label at a place (mm) of the coarse grid: 2 voxel + 1 of the nearest voxel; 0 outside, and where it is negative. */
+static int label_at(double x, double y, double z) {
+  const double at[3] = {(y + 0.75) / 2, (x - 1.25) / 2, (z - 3) / 2};
+  int nearest[3];
+  for (int k = 0; k < 3; k++) {
+    nearest[k] = (int)floor(at[k] + 0.5);
+    if (nearest[k] < 0 || nearest[k] >= coarse.dims[k]) return 0;
+  }
+  return MAX(2 * label_noise(nearest[0], nearest[1], nearest[2]) + 1, 0);
+}
+
+static void expect_number(const tc_vmd *m, const char *name, const uint8_t *record, double wanted) {
+  const tc_vmd_attribute *a = tc_vmd_attribute_named(&m->head, name);
+  if (tc_vmd_number(a, record) != wanted) fail_msg("%s: %g instead of %g", name, tc_vmd_number(a, record), wanted);
+}
+
+/* All four stand in one model, in any order, and survive a file; each normal is that of a model of normals alone. */
+TEST(value_label_normal_and_user_stand_in_one_model) {
+  tc_volume_desc same = noisy;
+  same.slope = 1, same.intercept = 0;
+  g_autoptr(tc_volume) v = volume_of(&noisy, noise);
+  g_autoptr(tc_volume) labels = volume_of(&coarse, label_noise);
+  g_autoptr(tc_volume) user = volume_of(&same, user_noise);
+  tc_vmd_wish wish = {.low = 56, .high = 200, .attributes = "normal"};
+  g_autoptr(tc_vmd) normals = tc_vmd_of_volume(v, &wish, NULL, NULL);
+  wish.attributes = "user,value, normal ,label", wish.label_of = labels, wish.user_of = user;
+  g_autoptr(tc_pool) pool = tc_pool_new(3, NULL);
+  g_autoptr(tc_vmd) m = tc_vmd_of_volume(v, &wish, pool, NULL);
+  g_autoptr(GByteArray) file = tc_vmd_encode(m, true, NULL);
+  g_autoptr(tc_vmd) back = tc_vmd_decode(file->data, file->len, NULL);
+  expect_same(m, back);
+  assert_int_equal(m->head.record_bytes, 1 + 1 + 2 + 2);
+  int most = 0, without = 0;
+  for (int i = 0; i < 37 * 21 * 130; i++) {
+    const int x = i % 37, y = i / 37 % 21, z = i / 37 / 21, label = label_at(x, y, z);
+    const uint8_t *record = tc_vmd_voxel(back, x, y, z), *normal = tc_vmd_voxel(normals, x, y, z);
+    assert_true((record != NULL) == (normal != NULL));
+    if (!record) continue;
+    expect_number(back, "value", record, noise(x, y, z));
+    expect_number(back, "label", record, label);
+    expect_number(back, "user", record, user_noise(x, y, z));
+    assert_memory_equal(record + 2, normal, 2);
+    most = MAX(most, label), without += label == 0;
+  }
+  print_message("labels up to %d, %d of %d voxels without\n", most, without, (int)m->voxels);
+  assert_true(most > 255 && without > 0);
+}
+
+/* A label map's voxels, with the values of another volume, whose scale the model has. */
+TEST(labels_have_the_values_of_another_volume) {
+  g_autoptr(tc_volume) v = volume_of(&grid, few);
+  g_autoptr(tc_volume) labels = volume_of(&noisy, noise);
+  tc_volume_desc near_grid = grid;
+  memcpy(near_grid.origin, (double[3]){0}, sizeof near_grid.origin);
+  g_autoptr(tc_volume) near = volume_of(&near_grid, few);
+  const tc_vmd_wish wish = {.low = DBL_MIN, .high = INFINITY, .labels = true, .attributes = "value,label", .value_of = near};
+  g_autoptr(tc_vmd) m = tc_vmd_of_volume(labels, &wish, NULL, NULL);
+  assert_float_equal(m->head.grid.slope, 2, 0);
+  assert_string_equal(m->head.grid.unit, "HU");
+  const uint8_t *record = tc_vmd_voxel(m, 1, 0, 34); /* 1, 0, 68 of the values */
+  expect_number(m, "value", record, 768);
+  expect_number(m, "label", record, noise(1, 0, 34));
+  expect_number(m, "value", tc_vmd_voxel(m, 30, 10, 5), 0); /* outside: the least */
+  g_autoptr(GError) error = NULL;
+  tc_vmd_wish wrong = wish;
+  wrong.value_of = v; /* at x = -10 .. -8 */
+  assert_null(tc_vmd_of_volume(labels, &wrong, NULL, &error));
+  assert_non_null(strstr(error->message, "labels: it lies outside"));
+}
+
+TEST(numbers_that_an_attribute_cannot_hold_are_refused) {
+  tc_volume_desc high = noisy, far = noisy, fractions = noisy;
+  high.slope = 1, high.intercept = 200, far.origin[1] = 500, fractions.slope = 0.5;
+  g_autoptr(tc_volume) v = volume_of(&noisy, noise);
+  const struct { const tc_volume_desc *desc; const char *user, *labels; } cases[] = {
+      {&high, "user: whole numbers from 0 to 255 expected, the volume holds 2", NULL},
+      {&far, "user: it lies outside", "labels: it lies outside"},
+      {&fractions, "user: whole numbers", "labels: whole numbers"},
+      {&coarse, "user: whole numbers from 0 to 255 expected, the volume holds -1 to", NULL}};
+  for (size_t i = 0; i < 2 * G_N_ELEMENTS(cases); i++) {
+    g_autoptr(GError) error = NULL;
+    g_autoptr(tc_volume) other = volume_of(cases[i / 2].desc, cases[i / 2].desc == &coarse ? label_noise : noise);
+    tc_vmd_wish wish = {.low = 0, .high = 255, .attributes = i % 2 ? "label" : "user"};
+    *(i % 2 ? &wish.label_of : &wish.user_of) = other;
+    g_autoptr(tc_vmd) m = tc_vmd_of_volume(v, &wish, NULL, &error);
+    const char *wanted = i % 2 ? cases[i / 2].labels : cases[i / 2].user;
+    if ((m == NULL) != (wanted != NULL)) fail_msg("%zu: %s", i, m ? "made" : error->message);
+    if (wanted) print_message("%s\n", error->message);
+    if (wanted) assert_non_null(strstr(error->message, wanted));
+  }
+}
+
 static bool in_range(int x, int y, int z) {
   bool inside = x >= 0 && y >= 0 && z >= 0 && x < 37 && y < 21 && z < 130;
   return inside && 255 - noise(x, y, z) >= 80;
