@@ -221,6 +221,39 @@ static void slope_around(const subject *s, spot p, double slope[3]) {
   for (int k = 0; k < 3; k++) slope[k] = sum[k] / s->d->spacing[k];
 }
 
+/* The voxels around a position and their trilinear weights, at[] and weights[] of 8. */
+static void corners_of(const subject *s, const double at[3], spot corners[8], double weights[8]) {
+  for (int corner = 0; corner < 8; corner++) {
+    weights[corner] = 1;
+    for (int k = 0; k < 3; k++) {
+      const int low = (int)floor(at[k]), up = corner >> k & 1;
+      weights[corner] *= up ? at[k] - low : 1 - (at[k] - low);
+      corners[corner].at[k] = MIN(MAX(low + up, 0), s->d->dims[k] - 1);
+    }
+  }
+}
+
+/* The slope at the surface, `distance` voxels along the normal: central differences between voxels, as the ray caster's
+ * gradient `central`. Leaves the normal where the object ends with the grid, and where the slope there looks
+ * into the object. */
+static void move_to_surface(const subject *s, spot p, double distance, const double crossing[6], double normal[3]) {
+  double along[3], at[3], slope[3] = {0}, weights[8];
+  spot corners[8];
+  for (int k = 0; k < 3; k++) {
+    if (p.at[k] == 0 || p.at[k] == s->d->dims[k] - 1) return;
+    along[k] = normal[k] * s->d->spacing[k];
+  }
+  normalise3(along);
+  for (int k = 0; k < 3; k++) at[k] = p.at[k] + fmin(distance, 1) * along[k];
+  corners_of(s, at, corners, weights);
+  for (int i = 0; i < 8; i++) {
+    double own[3];
+    slope_within(s, corners[i], own);
+    for (int k = 0; k < 3; k++) slope[k] += weights[i] * own[k];
+  }
+  if (dot3(slope, normal) > 0) memcpy(normal, slope, sizeof slope);
+}
+
 double tc_vmd_normal_at(const void *user, int x, int y, int z, double n[3]) {
   const subject *s = user;
   const spot p = {{x, y, z}};
@@ -234,6 +267,8 @@ double tc_vmd_normal_at(const void *user, int x, int y, int z, double n[3]) {
     memcpy(g, around, sizeof g);
   else if (dot3(g, g) == 0)
     slope_within(s, p, g);
+  else if (distance >= 0 && !s->steps)
+    move_to_surface(s, p, distance, crossing, g);
   /* Covariant: right for any axes. */
   for (int r = 0; r < 3; r++) {
     n[r] = 0;
@@ -244,17 +279,11 @@ double tc_vmd_normal_at(const void *user, int x, int y, int z, double n[3]) {
 
 /* Between voxels: trilinear. */
 static double inside_between(const subject *s, const double at[3]) {
-  double sum = 0;
-  for (int corner = 0; corner < 8; corner++) {
-    spot p;
-    double weight = 1;
-    for (int k = 0; k < 3; k++) {
-      const int low = (int)floor(at[k]), up = corner >> k & 1;
-      weight *= up ? at[k] - low : 1 - (at[k] - low);
-      p.at[k] = MIN(MAX(low + up, 0), s->d->dims[k] - 1);
-    }
-    if (weight > 0) sum += weight * inside_at(s, voxel_index(s, p.at[0], p.at[1], p.at[2]));
-  }
+  double sum = 0, weights[8];
+  spot corners[8];
+  corners_of(s, at, corners, weights);
+  for (int i = 0; i < 8; i++)
+    if (weights[i] > 0) sum += weights[i] * inside_at(s, voxel_index(s, corners[i].at[0], corners[i].at[1], corners[i].at[2]));
   return sum;
 }
 
