@@ -24,6 +24,7 @@
 #define SMOOTH 2
 #define WIDE_CORE 0.14 /* added to TC_SPLAT_CORE: circles of 0.866 voxels cover a face that cuts voxels' edges */
 #define MOST_PIXELS 100
+#define WINDOW 2.25 /* kernel radii: in less, slanted surfaces show the steps of their nearest cores */
 
 typedef struct drawing {
   const tc_splat_job *job;
@@ -85,6 +86,7 @@ static void set_view(drawing *d) {
   tc_volume_lps_to_index(d->job->volume, eye, d->eye);
   /* Directions from the eye through pixels, LPS, for light. */
   for (int k = 0; k < 3; k++) {
+    g->right[k] = (float)rows[0][k], g->down[k] = (float)rows[1][k];
     g->direction_du[k] = g->perspective ? (float)rows[0][k] : 0;
     g->direction_dv[k] = g->perspective ? (float)rows[1][k] : 0;
     g->direction0[k] =
@@ -146,8 +148,8 @@ static void set_kernel(drawing *d) {
     width = fmax(width, hypot(d->to_view[0][k], d->to_view[1][k]));
     size *= tc_volume_describe(d->job->volume)->spacing[k];
   }
-  g->window_mm = (float)(2 * radius * sqrt(depth));
-  g->near_mm = g->perspective ? g->window_mm : -INFINITY;
+  g->window_mm = (float)(WINDOW * radius * sqrt(depth));
+  g->near_mm = g->perspective ? (float)(2 * radius * sqrt(depth)) : -INFINITY;
   if (g->perspective) {
     const int *dims = tc_volume_describe(d->job->volume)->dims;
     distance = d->to_view[2][3];

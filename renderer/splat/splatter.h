@@ -3,11 +3,12 @@
  *
  * Opaque: each splat (splats.h) with a free face towards the eye covers an ellipse, the projection of a ball of the
  * kernel's radius, at its own depth. The ellipse's core hides what lies behind it. At a pixel the nearest core counts,
- * and with it all ellipses at most one kernel's depth behind: their normals and colours are averaged by the weights of
- * the footprint table, divided by the sum of weights (so that a constant solid is constant), and lit
- * (raycast/shading.h). Pixels without a core, at outlines, are partly covered. Where voxels are larger than pixels,
- * kernels take the shapes of what they are part of (shape_of() in tile_tmpl.h): flat ones that touch the surface from
- * within, sheets, and lines whose voxels touch by corners alone.
+ * and with it all ellipses less than 2.25 kernel radii behind or before it: their normals and colours are averaged by
+ * the weights of the footprint table at d^2 + (depth / 2.25 radii)^4, divided by the sum of weights (so that a constant
+ * solid is constant), and lit (raycast/shading.h). Pixels without a core, at outlines, are partly covered. Where voxels
+ * are larger than pixels, kernels take the shapes of what they are part of (shape_of() in tile_tmpl.h): flat ones that
+ * touch the surface from within, sheets, and lines whose voxels touch by corners alone. Lines are lit as cylinders and
+ * single voxels as balls (round_tmpl.h).
  *
  * Culling changes no bit of the picture. It leaves out interior voxels, bricks and splats whose free faces look away,
  * those outside the picture, and those behind the depths of a first pass. What these leave is kept as it was projected,

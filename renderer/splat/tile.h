@@ -29,12 +29,13 @@ typedef struct tc_splat_matter {
 typedef struct tc_splat_args {
   tc_shade shade;
   float direction0[3], direction_du[3], direction_dv[3]; /* from the eye through pixels, LPS */
+  float right[3], down[3];                               /* view x and y, LPS */
   float width, height;                                   /* of the picture */
   bool perspective, opaque, culling, shaded;
   float axis[3][3];         /* view x, y, z of one voxel along index axis k: [row][k] */
   float scale;              /* pixels a mm, in perspective at z = 1 mm */
   float radius2, least2;    /* of the kernel, voxels; what is added for a pixel's own width; squared */
-  float near_mm, window_mm; /* near plane; splats up to window_mm behind the nearest one are blended with it */
+  float near_mm, window_mm; /* near plane; splats less than window_mm from the nearest core are blended with it */
   uint8_t weights[TC_WEIGHT_STEPS + 4]; /* footprint by the square of the distance over the kernel's; the last is 0 */
   float core,
       core_root; /* of the footprint that hides what is behind it: square of its size over the kernel's, and size */

@@ -344,43 +344,64 @@ V_INLINE void normal_of(const tc_splat_args *g, const tc_splat_entry *e, uint32_
   for (int k = 0; k < 3; k++) n[k] *= square > 0 ? 1 / sqrtf(square) : 0;
 }
 
-/* In 127ths; and colour. */
+#include "renderer/splat/round_tmpl.h"
+
+/* A splat's normal, in 127ths, and colour. */
+typedef struct matter {
+  bool round;
+  rounding rounding;
+  int of[6];
+} matter;
+
 V_INLINE void look_up(const tc_splat_args *g, const batch *b, int i, const float normal[3][V_LANES],
-                      const tc_splat_tile *t, int of[6]) {
+                      const tc_splat_tile *t, matter *to) {
   const tc_splat_entry *e = b->entry;
   const uint32_t splat = b->first + (uint32_t)i;
-  float n[3], rgbk[4];
-  for (int k = 0; k < 3; k++) of[k] = (int)normal[k][i];
+  float rgbk[4];
+  for (int k = 0; k < 3; k++) to->of[k] = (int)normal[k][i];
   if (is_thin(e->of->words[splat])) {
+    float *n = to->rounding.front;
     normal_of(g, e, splat, b->x[i] + (float)t->x0, b->y[i] + (float)t->y0, n);
-    for (int k = 0; k < 3; k++) of[k] = (int)lrintf(n[k] * 127.f);
+    for (int k = 0; k < 3; k++) to->of[k] = (int)lrintf(n[k] * 127.f);
+    to->round = is_round(g, b, i, &to->rounding);
   }
   if (!g->matter.of) return;
   look_at_voxel(g, e, splat, rgbk);
-  for (int k = 0; k < 3; k++) of[3 + k] = (int)lrintf(rgbk[k] * 255);
+  for (int k = 0; k < 3; k++) to->of[3 + k] = (int)lrintf(rgbk[k] * 255);
 }
 
 /* With culling, attributes are looked up once a pixel shows the splat. */
 V_INLINE void add_footprint(const tc_splat_args *g, const batch *b, int i, const float normal[3][V_LANES],
                             tc_splat_tile *t) {
   const reach r = reach_of(b->box, i);
-  const vf z = v_set(b->z[i] - g->window_mm);
-  int of[6] = {0};
+  const vf z = v_set(b->z[i] - g->window_mm), inverse = v_set(1 / g->window_mm), middle = v_set(b->z[i]) * inverse, open = v_set(g->open);
+  vi flat[3] = {v_seti(0), v_seti(0), v_seti(0)};
+  matter m = {0};
   bool looked = false;
   for (int y = r.y0; y <= r.y1; y++)
     for (int x = r.x0; x <= r.x1; x += V_LANES) {
       const int p = y * TC_TILE_STRIDE + x;
       vf q = distances(b, i, (float)x, (float)y + 0.5f - b->y[i]), before = v_load(t->depth + p);
       const vm bare = v_le(v_set(INFINITY), before);
-      q = v_select(bare, q * v_set(g->open), q);
+      const vf apart = v_fnma(before, inverse, middle), square = apart * apart;
+      q = v_select(bare, q * open, v_fma(square, square, q));
       vm seen = m_and(v_lt(q, v_set(1)), v_lt(z, before));
       if (g->culling && !m_any(seen)) continue;
-      if (!looked) look_up(g, b, i, normal, t, of), looked = true, t->drawn++;
+      if (!looked) {
+        look_up(g, b, i, normal, t, &m), looked = true, t->drawn++;
+        for (int k = 0; k < 3; k++) flat[k] = v_seti(m.of[k]);
+      }
       q = v_select(seen, v_max(q, v_set(0)), v_set(1));
       vi weight = v_bytes(g->weights, v_trunc(q * v_set(TC_WEIGHT_STEPS)));
       add_to(t->sums[TC_SUM_WEIGHT] + p, weight);
-      for (int k = 0; k < 3; k++) add_to(t->sums[TC_SUM_NORMAL + k] + p, v_muli(weight, v_seti(of[k])));
-      for (int k = 3; k < 6 && g->matter.of; k++) add_to(t->sums[TC_SUM_NORMAL + k] + p, v_muli(weight, v_seti(of[k])));
+      if (m.round) {
+        vi n[3];
+        round_normal(&m.rounding, v_load(lane_numbers) + v_set((float)x + 0.5f - b->x[i]), v_set((float)y + 0.5f - b->y[i]), n);
+        for (int k = 0; k < 3; k++) add_to(t->sums[TC_SUM_NORMAL + k] + p, v_muli(weight, n[k]));
+      } else {
+        for (int k = 0; k < 3; k++) add_to(t->sums[TC_SUM_NORMAL + k] + p, v_muli(weight, flat[k]));
+      }
+      for (int k = 3; k < 6 && g->matter.of; k++) add_to(t->sums[TC_SUM_NORMAL + k] + p, v_muli(weight, v_seti(m.of[k])));
     }
 }
 

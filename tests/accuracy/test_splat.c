@@ -163,7 +163,7 @@ TEST(large_voxels_are_lit_smoothly) {
     for (int p = 0; p < SIDE * SIDE; p++, n++) sum += pow((double)(d.frame.linear[4 * p] - truth.linear[4 * p]), 2);
   }
   print_message("light rms %.4f\n", sqrt(sum / n));
-  assert_true(sqrt(sum / n) < 0.008);
+  assert_true(sqrt(sum / n) < 0.0055);
 }
 
 /* Pixel of an index position in an orthographic picture of `side` pixels. */
@@ -222,13 +222,13 @@ TEST(ends_of_lines_are_the_surfaces) {
   assert_true(n > 40 && sum / n < 0.25);
 }
 
-/* Lines are lit across their direction, whatever the voxels' spacings: as flat bands that face the eye, 0.25 from
- * cylinders (the rms of 1 - cos over their width is 0.31, of which nine tenths are diffuse). */
+/* Lines are lit as cylinders, whatever the voxels' spacings. What is left is where they lie: a voxel's centre is up to half
+ * a voxel from the tube's. As flat bands that face the eye they were 0.28 and 0.29 off. */
 TEST(lines_are_lit_across) {
   enum { LARGE_SIDE = 300 };
   g_autoptr(tc_renderer) renderer = tc_renderer_new(&(tc_renderer_options){.backend = TC_BACKEND_CPU}, NULL);
   for (int kind = 0; kind < 2; kind++) {
-    g_auto(object) o = object_of(kind ? &flat_grid : &cube, tubes, &(double){0.9});
+    g_auto(object) o = object_of(kind ? &flat_grid : &cube, tubes, &(double){0.75});
     double sum = 0;
     int n = 0;
     for (int i = 6; i < 18; i++) {
@@ -248,7 +248,7 @@ TEST(lines_are_lit_across) {
       }
     }
     print_message("%s voxels: light rms %.3f in %d pixels\n", kind ? "flat" : "cubic", sqrt(sum / n), n);
-    assert_true(n > 10000 && sqrt(sum / n) < 0.255);
+    assert_true(n > 10000 && sqrt(sum / n) < 0.25);
   }
 }
 

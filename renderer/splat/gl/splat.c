@@ -22,7 +22,7 @@ enum { BLOCK_BUFFER, ENTRIES, DEPTHS, SUMS, TABLE, N_BUFFERS };
 /* The uniform block of splat_head.glsl, std140. */
 typedef struct splat_block {
   _Alignas(16) float axis[3][4];
-  float direction0[4], direction_du[4], direction_dv[4], planes[12][4], color[4], to_index[3][4];
+  float direction0[4], direction_du[4], direction_dv[4], right[4], down[4], planes[12][4], color[4], to_index[3][4];
   uint8_t weights[65 * 16];
   float size[2], scale, radius2, least2, near_mm, window_mm, core, core_root, full, open;
   int32_t perspective, culling, n_planes, stride, opaque;
@@ -71,7 +71,7 @@ static void fill_block(const drawing *d, splat_block *b) {
     memcpy(b->covariant[k], g->covariant[k], sizeof g->covariant[k]);
     memcpy(b->to_index[k], g->to_index[k], sizeof g->to_index[k]);
     b->direction0[k] = g->direction0[k], b->direction_du[k] = g->direction_du[k], b->direction_dv[k] = g->direction_dv[k];
-    b->color[k] = g->color[k];
+    b->right[k] = g->right[k], b->down[k] = g->down[k], b->color[k] = g->color[k];
   }
   for (int i = 0; i < g->n_planes; i++)
     for (int k = 0; k < 4; k++) b->planes[i][k] = (float)g->planes[i][k];

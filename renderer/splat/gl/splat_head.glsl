@@ -1,7 +1,7 @@
 // A frame's constants of mode splat, opaque: splat_block of splat.c, same members, same order; and the buffers of a tile.
 layout(std140, binding = 1) uniform Splat {
   vec4 axis[3];       // tc_splat_args (tile.h), whose names these are
-  vec4 direction0, direction_du, direction_dv;
+  vec4 direction0, direction_du, direction_dv, right, down;
   vec4 planes[12];
   vec4 color;
   vec4 to_index[3];

@@ -116,6 +116,14 @@ float distance_at(Footprint f, vec2 p) {
 
 vec3 direction_at(vec2 at) { return splat.direction0.xyz + at.x * splat.direction_du.xyz + at.y * splat.direction_dv.xyz; }
 
+// line_direction() of tile_tmpl.h, of any length.
+vec3 line_direction(vec3 n) {
+  vec3 way = vec3(0.0);
+  for (int k = 0; k < 3; k++)
+    way += splat.covariant[k].xyz * dot(splat.covariant[k].xyz, n);
+  return way;
+}
+
 // tile_tmpl.h's, of the same name.
 vec3 normal_of(Footprint f) {
   vec3 n = unfolded(f.word), eye = -direction_at(f.at + vec2(tile.xy));
@@ -124,9 +132,7 @@ vec3 normal_of(Footprint f) {
   uint what = f.inset >> 6;
   if (what == SHEET)
     return dot(n, eye) < 0.0 ? -n : n;
-  vec3 way = vec3(0.0); // line_direction()
-  for (int k = 0; k < 3; k++)
-    way += splat.covariant[k].xyz * dot(splat.covariant[k].xyz, n);
+  vec3 way = line_direction(n);
   n = what == DOT ? eye : eye - dot(way, eye) / dot(way, way) * way;
   return dot(n, n) > 0.0 ? n / sqrt(dot(n, n)) : n;
 }
@@ -186,22 +192,57 @@ bool hidden(float z, ivec2 from, ivec2 to) {
   return true;
 }
 
+// set_way(), is_round() and round_normal() of tile_tmpl.h.
+struct Rounding { vec3 front; mat2x3 across; mat2 way; }; // way: a column for each of across
+
+vec2 way_of(Footprint f, vec3 across) {
+  vec2 u = vec2(dot(across, splat.right.xyz), dot(across, splat.down.xyz));
+  float det = f.q.x * f.q.z - f.q.y * f.q.y;
+  float reach2 = splat.core * (f.q.z * u.x * u.x - 2.0 * f.q.y * u.x * u.y + f.q.x * u.y * u.y) / det;
+  return reach2 > 0.0 ? u * (splat.move / sqrt(reach2)) : vec2(0.0);
+}
+
+bool is_round(Footprint f, vec3 front, out Rounding r) {
+  uint what = f.inset >> 6;
+  r = Rounding(front, mat2x3(0.0), mat2(0.0));
+  if (!is_thin(f.word) || what == SHEET || !(splat.move > 0.0))
+    return false;
+  r.across[0] = splat.right.xyz;
+  if (what == DOT)
+    r.across[1] = splat.down.xyz, r.way[1] = way_of(f, r.across[1]);
+  else
+    r.across[0] = cross(normalize(line_direction(unfolded(f.word))), front);
+  r.way[0] = way_of(f, r.across[0]);
+  return true;
+}
+
+vec3 round_normal(Rounding r, vec2 d) {
+  vec2 s = d * r.way;
+  float square = dot(s, s);
+  return r.across * (s / sqrt(max(square, 1.0))) + sqrt(max(1.0 - square, 0.0)) * r.front;
+}
+
 void put(Footprint f, ivec2 from, ivec2 to) {
   float z = f.z - splat.window_mm;
   if (any(lessThan(to, from)) || (splat.culling != 0 && hidden(z, from, to)))
     return;
-  ivec3 n = ivec3(roundEven(normal_of(f) * 127.0)), c = ivec3(0);
+  vec3 normal = normal_of(f);
+  Rounding r;
+  bool rounded = is_round(f, normal, r);
+  ivec3 n = ivec3(roundEven(normal * 127.0)), c = ivec3(0);
   if (first_look != 0u)
     c = ivec3(roundEven(table[f.look & 0xffffu].rgb * 255.0));
   for (int y = from.y; y <= to.y; y++)
     for (int x = from.x; x <= to.x; x++) {
       float q = distance_at(f, vec2(x, y));
       int at = y * tile.z + x, sum = at * splat.stride;
-      if (nearest[at] == FAR)
-        q *= splat.open;
+      float apart = (f.z - depth_of(nearest[at])) / splat.window_mm;
+      q = nearest[at] == FAR ? q * splat.open : q + apart * apart * apart * apart;
       if (!(q < 1.0) || !(z < depth_of(nearest[at])))
         continue;
       int weight = weight_at(q);
+      if (rounded)
+        n = ivec3(roundEven(round_normal(r, vec2(x, y) + 0.5 - f.at) * 127.0));
       atomicAdd(sums[sum], weight);
       for (int k = 0; k < 3; k++)
         atomicAdd(sums[sum + 1 + k], weight * n[k]);
