@@ -1,6 +1,7 @@
 #include "renderer/splat/pick.h"
 
 #include <math.h>
+#include <string.h>
 
 #include "renderer/base/vector.h"
 #include "renderer/raycast/rays.h"
@@ -17,7 +18,7 @@ typedef struct pick {
   double at[3], along[3];
   double from, to;         /* mm within the volume's box, widened by a voxel */
   tc_splat_frame frame;    /* its kernels */
-  tc_vmd_subject *subject; /* NULL: kernels are balls */
+  tc_vmd_subject *subject; /* NULL: of labels and run-length models, whose normals are those of what is filled */
 } pick;
 
 static void set_ray(pick *p, const double at[2]) {
@@ -58,24 +59,50 @@ static bool filled_at(const pick *p, const int voxel[3], double *value) {
   return tc_volume_value_at(p->volume, (double[]){voxel[0], voxel[1], voxel[2]}, value) && is_filled(p, *value);
 }
 
-/* Free on opposite faces. */
-static bool is_thin(const pick *p, const int voxel[3]) {
+/* Whether some face is free, and opposite ones are not: what is inside is drawn as it is, and so is what is thin. */
+static bool is_surface(const pick *p, const int voxel[3]) {
   double value;
+  int faces = 0;
   for (int k = 0; k < 3; k++) {
     int before[3] = {voxel[0], voxel[1], voxel[2]}, behind[3] = {voxel[0], voxel[1], voxel[2]};
     before[k]--, behind[k]++;
-    if (!filled_at(p, before, &value) && !filled_at(p, behind, &value)) return true;
+    const bool free[2] = {!filled_at(p, before, &value), !filled_at(p, behind, &value)};
+    if (free[0] && free[1]) return false;
+    faces += free[0] || free[1];
   }
-  return false;
+  return faces > 0;
+}
+
+/* The normal of what is filled around the voxel. */
+static double filled_normal(const pick *p, const int voxel[3], double normal[3]) {
+  int sum[3] = {0}, filled = 0;
+  for (int i = 0; i < 125; i++) {
+    const int step[3] = {i % 5 - 2, i / 5 % 5 - 2, i / 25 - 2};
+    double value;
+    if (!filled_at(p, (int[]){voxel[0] + step[0], voxel[1] + step[1], voxel[2] + step[2]}, &value)) continue;
+    filled++;
+    for (int k = 0; k < 3; k++) sum[k] -= step[k];
+  }
+  return tc_splats_filled_normal(tc_volume_describe(p->volume), sum, filled, normal);
+}
+
+/* The normal and the surface's distance along it that the voxel's splat has (find_normal() of splats.c). */
+static double normal_of(const pick *p, const int voxel[3], double normal[3]) {
+  double own[3] = {0}, inset = -1;
+  if (p->subject) inset = tc_vmd_normal_at(p->subject, voxel[0], voxel[1], voxel[2], own);
+  if (inset < 0) inset = filled_normal(p, voxel, normal);
+  if (!p->subject && !p->labels) tc_vmd_own_normal(tc_volume_model(p->volume), voxel[0], voxel[1], voxel[2], own);
+  if (dot3(own, own) > 0) memcpy(normal, own, sizeof own);
+  return dot3(normal, normal) > 0 ? inset : -1;
 }
 
 /* A surface's kernel as shape_of() of tile_tmpl.h has it: how flat along which axis, and how far it moves along it.
  * False: a ball; thin voxels count as balls, which are easier to hit. */
 static bool shape_of(const pick *p, const int voxel[3], double axis[3], double *flat, double move[2]) {
   const tc_splat_args *g = &p->frame.args;
-  double n[3], inset = -1;
-  if (p->subject && g->move > 0 && !is_thin(p, voxel))
-    inset = tc_vmd_normal_at(p->subject, voxel[0], voxel[1], voxel[2], n);
+  double n[3];
+  if (!(g->move > 0) || !is_surface(p, voxel)) return false;
+  const double inset = normal_of(p, voxel, n);
   if (inset < 0) return false;
   for (int k = 0; k < 3; k++)
     axis[k] = (double)g->covariant[k][0] * n[0] + (double)g->covariant[k][1] * n[1] + (double)g->covariant[k][2] * n[2];

@@ -252,6 +252,11 @@ static void to_lps(const tc_volume_desc *d, const double index[3], double lps[3]
 
 #define CUT_AREA 28 /* of a 5x5x5 cube by a plane near its middle: 25 to 32.5 */
 
+double tc_splats_filled_normal(const tc_volume_desc *grid, const int sum[3], int filled, double normal[3]) {
+  to_lps(grid, (double[]){sum[0], sum[1], sum[2]}, normal);
+  return (filled - 62.5) / CUT_AREA;
+}
+
 /* A voxel, and the bits of its row of columns; those of the rows beside it are before and behind. */
 typedef struct place {
   const uint64_t *row;
@@ -277,8 +282,7 @@ static double normal_of_filled(const building *b, const place *p, double normal[
       sum[2] -= 2 * (int)(five >> 4 & 1) + (int)(five >> 3 & 1) - (int)(five >> 1 & 1) - 2 * (int)(five & 1);
     }
   }
-  to_lps(&b->model->head.grid, (double[]){sum[0], sum[1], sum[2]}, normal);
-  return (filled - 62.5) / CUT_AREA;
+  return tc_splats_filled_normal(&b->model->head.grid, sum, filled, normal);
 }
 
 /* Filled ones of a voxel's 26 neighbours, as steps from it. */

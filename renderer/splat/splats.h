@@ -87,6 +87,9 @@ typedef struct tc_splat_normals {
  * TC_ERROR_LIMIT: over TC_SPLAT_MOST; _MEMORY; or what the halt says. */
 tc_splats *tc_splats_build(const tc_vmd *model, tc_splat_normals normals, bool everything, tc_pool *pool,
                            GError **error);
+/* Outward normal (LPS, any length) of a voxel from the 5x5x5 voxels around it, of which `filled` are filled: sum is minus
+ * the sum of their steps from it. Returns the distance of the surface, were it a plane, in voxels. */
+double tc_splats_filled_normal(const tc_volume_desc *grid, const int sum[3], int filled, double normal[3]);
 /* The voxels that planes (index coordinates, what is kept has planes[i] . (position, 1) >= 0) lay open. */
 tc_splats *tc_splats_cut(const tc_vmd *model, const double planes[][4], int n_planes, const tc_halt *halt,
                          GError **error);

@@ -328,26 +328,43 @@ TEST(large_voxels_end_where_the_surface_does) {
 }
 
 /* What is picked is what is drawn: as far away, whatever kernels' shapes are. */
-TEST(picks_are_as_deep_as_the_picture) {
-  g_auto(object) o = object_of(&flat_grid, blob, ball);
+static void expect_picks(const object *o, const tc_volume *volume, const tc_volume *labels) {
   g_auto(drawing) d = {0};
   for (int i = 6; i < 12; i++) {
     g_auto(tc_scene) scene;
     double apart = 0;
     int both = 0, one = 0;
-    look(&scene, &o, i, (double[]){2.5, 6, 0.7}[i / 2 - 3]);
+    look(&scene, o, i, (double[]){2.5, 6, 0.7}[i / 2 - 3]);
     scene.splat.threshold[0] = 0, scene.splat.threshold[1] = INFINITY;
-    draw_now(&o, &scene, (wish){0}, &d);
+    draw_now(o, &scene, (wish){0}, &d);
     for (int y = 3; y < SIDE; y += 8)
       for (int x = 3; x < SIDE; x += 8) {
         tc_splat_hit hit;
         const double drawn = (double)d.frame.depth[y * SIDE + x];
-        const bool there = tc_splat_pick(o.volume, NULL, &scene, (double[]){x + 0.5, y + 0.5}, &hit);
+        const bool there = tc_splat_pick(volume, labels, &scene, (double[]){x + 0.5, y + 0.5}, &hit);
         one += there != isfinite(drawn), both += there && isfinite(drawn);
         if (there && isfinite(drawn)) apart += fabs(hit.distance_mm - drawn);
       }
     print_message("view %d: %d picks %.3f mm from what is drawn; %d of one only\n", i, both, apart / both, one);
     assert_true(both > 10 && apart < (i < 10 ? 0.1 : 1) * both && one <= 2);
+  }
+}
+
+static double inside_ball(double x, double y, double z, const void *context) { return blob(x, y, z, context) >= 0; }
+
+/* Of values; of a run-length model, with its own normals and without; of labels. */
+TEST(picks_are_as_deep_as_the_picture) {
+  g_auto(object) o = object_of(&flat_grid, blob, ball);
+  expect_picks(&o, o.volume, NULL);
+  g_autoptr(tc_volume) labels = test_volume(&flat_grid, inside_ball, ball);
+  for (int own = 0; own < 2; own++) {
+    const tc_vmd_wish wish = {.low = 0, .high = INFINITY, .attributes = own ? "value,normal" : "value"};
+    tc_vmd *model = tc_vmd_of_volume(o.volume, &wish, NULL, NULL);
+    g_autoptr(tc_volume) sparse = tc_vmd_volume(model, NULL);
+    tc_splats_free(o.splats);
+    o.splats = tc_splats_build(model, (tc_splat_normals){0}, false, NULL, NULL);
+    expect_picks(&o, sparse, NULL);
+    if (!own) expect_picks(&o, o.volume, labels);
   }
 }
 
