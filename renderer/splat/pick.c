@@ -7,7 +7,7 @@
 #include "renderer/raycast/rays.h"
 #include "renderer/splat/splatter.h"
 
-#define MOST_WIDER 3 /* voxels that a core grows by where pixels are larger */
+#define MOST_WIDER 3 /* voxels: most that a core is widened to a pixel's width */
 
 /* A ray in index coordinates: at + t * along, t in mm from the eye. */
 typedef struct pick {
@@ -118,7 +118,7 @@ static double pixel_voxels(const pick *p, double deep) {
   return (p->frame.args.perspective ? deep : 1) / (double)p->frame.args.scale * length3(p->along);
 }
 
-/* The voxel's own value, if it is drawn and the ray passes its core; *t: where along the ray it is drawn. */
+/* Whether the voxel is drawn and the ray passes its core. *value: the voxel's; *t: distance of its drawn position, mm. */
 static bool meets(const pick *p, const int voxel[3], double *t, double *value) {
   const tc_splat_args *g = &p->frame.args;
   double axis[3] = {0}, flat = 1, move[2] = {0}, to[3], way[3], deep = 0, deeper = 0;
@@ -140,7 +140,7 @@ static bool meets(const pick *p, const int voxel[3], double *t, double *value) {
          away2 <= (double)(g->touch * g->touch) + (double)(g->least2 * g->core * (1 - g->move)) * pixel * pixel;
 }
 
-/* Looks around the place at t; keeps what is nearer than the hit so far. */
+/* Tests the voxels around the ray's position at t; updates the hit by nearer ones. */
 static void look_around(const pick *p, double t, tc_splat_hit *hit) {
   const tc_splat_args *g = &p->frame.args;
   const double pixel = pixel_voxels(
@@ -171,7 +171,7 @@ bool tc_splat_pick(const tc_volume *of, const tc_volume *labels, const tc_scene 
   set_ray(&p, at);
   const double voxels_a_mm = length3(p.along), step = 0.5 / voxels_a_mm;
   const double reach = (1 + (double)(p.frame.args.touch + p.frame.args.move)) / voxels_a_mm;
-  /* What is found at a place may have something nearer beside it, a little further on. */
+  /* A nearer hit may be found up to `reach` behind the first one. */
   for (double t = p.from; t <= p.to && t <= hit->distance_mm + reach; t += step) look_around(&p, t, hit);
   tc_vmd_subject_free(p.subject);
   tc_splat_frame_end(&p.frame);

@@ -1,11 +1,11 @@
-/* From bits to runs: rows of columns in parallel, each with bytes of its own, then one after the other. */
+/* Builds a model from bits of filled voxels: rows of columns in parallel, each into its own bytes, which are then joined in order. */
 #include <stdlib.h>
 #include <string.h>
 
 #include "renderer/splat/vmd.h"
 
 typedef struct row {
-  GByteArray *bytes, *records; /* records: of one run, on their way into bytes */
+  GByteArray *bytes, *records; /* records: buffer for the records of one run */
   uint32_t *lengths;           /* [size x]; NULL until it is made, and where there are no columns */
 } row;
 
@@ -24,7 +24,7 @@ static void fill(const making *m, int y, uint64_t *bits) {
   if (y >= 0 && y < m->dims[1]) m->source->fill(m->source->user, y, bits);
 }
 
-/* Leaves only voxels that have a free neighbour; what is beyond the grid is free. */
+/* Keeps only voxels that have a free neighbour; voxels outside the grid are free. */
 static void peel(const making *m, int y, uint64_t *bits, uint64_t *work) {
   const size_t nx = (size_t)m->dims[0], n = (size_t)m->words * nx;
   uint64_t *before = work, *behind = work + n, *inside = work + 2 * n;
@@ -39,7 +39,7 @@ static void peel(const making *m, int y, uint64_t *bits, uint64_t *work) {
   for (size_t i = 0; i < n; i++) bits[i] &= ~inside[i];
 }
 
-/* The next change of a column at or after z: to filled, or to free. */
+/* First z' >= z at which the column is filled (or free); the grid's depth if there is none. */
 static int next_change(const making *m, const uint64_t *column, int z, bool to_filled) {
   const int nz = m->dims[2];
   while (z < nz) {
@@ -51,18 +51,18 @@ static int next_change(const making *m, const uint64_t *column, int z, bool to_f
   return nz;
 }
 
-#define WORTH 4              /* bytes: what two more runs take, and as much as equal records of fewer are worth */
+#define WORTH 4              /* bytes: cost of two more runs; equal records are split off where they save more */
 #define MOST_SAME (1u << 28) /* voxels of a run */
 
-/* How many of n records are as the first. */
+/* Counts the leading records that equal the first of n. */
 static guint same_from(const uint8_t *records, guint n, guint size) {
   guint i = 1;
   while (i < MIN(n, MOST_SAME) && (!size || memcmp(records + (size_t)i * size, records, size) == 0)) i++;
   return i;
 }
 
-/* A run of filled voxels: where enough neighbours have equal records, as several that touch. `before`: the record of
- * the voxel before, and then of the last. */
+/* Appends a run of filled voxels, split into adjacent runs where enough neighbours have equal records. `before`: in, the
+ * record of the voxel before the run; out, of its last voxel. */
 static void put_run(GByteArray *to, uint32_t gap, const uint8_t *records, guint n, guint size, uint8_t *before) {
   for (guint at = 0, count; at < n; at += count, gap = 0) {
     const uint8_t *from = records + (size_t)at * size;
@@ -89,7 +89,7 @@ static void put_column(const making *m, const row *r, const uint64_t *column, in
     if (start >= nz) break;
     end = next_change(m, column, start, false);
     g_byte_array_set_size(r->records, (guint)(end - start) * (guint)record + 1);
-    memset(r->records->data, 0, r->records->len); /* what nobody sets is 0 */
+    memset(r->records->data, 0, r->records->len); /* attributes without a source are 0 */
     for (int i = start; i < end && record; i++)
       m->source->record(m->source->user, x, y, i, r->records->data + (size_t)(i - start) * (size_t)record);
     put_run(r->bytes, (uint32_t)(start - z), r->records->data, (guint)(end - start), (guint)record, before);

@@ -1,4 +1,4 @@
-/* Models of volumes: by threshold or labels, and the records of their voxels. */
+/* Models of volumes: which voxels a threshold or labels fill, and the records of these voxels. */
 #include <math.h>
 #include <stdlib.h>
 #include <string.h>
@@ -72,7 +72,7 @@ static void fill_one_by_one(const subject *s, int y, uint64_t *bits) {
           (uint64_t)is_filled(s, tc_voxel_at(s->d->type, s->data, voxel_index(s, x, y, z))) << z % 64;
 }
 
-/* Voxels that are NaN are nothing. */
+/* NaN voxels are free. */
 static void clear_gaps(const subject *s, int y, uint64_t *bits) {
   const size_t nx = (size_t)s->d->dims[0];
   const uint8_t *gaps = tc_volume_data(tc_volume_gaps(s->volume));
@@ -102,14 +102,14 @@ static void fill(void *user, int y, uint64_t *bits) {
   if (tc_volume_gaps(s->volume)) clear_gaps(s, y, bits);
 }
 
-/* The stored voxels whose values are in the range: of integers the first and last that are, so that comparing them is
- * comparing values; of float the range itself, within the volume's own. Nothing: low > high. */
+/* Range of stored voxels whose values are in the range. Integers: the first and last such voxel, so that comparing stored
+ * voxels equals comparing values. Floats: the range itself, clamped to the volume's. low > high: no voxel. */
 static void stored_range(subject *s, double low, double high) {
   const tc_volume_stats *stats = tc_volume_statistics(s->volume);
   double a = (low - s->d->intercept) / s->d->slope, b = (high - s->d->intercept) / s->d->slope;
   s->low = fmax(fmin(a, b), stats->voxel_min), s->high = fmin(fmax(a, b), stats->voxel_max);
   if (s->d->type == TC_F32 || s->low > s->high) return;
-  s->low = floor(s->low), s->high = ceil(s->high); /* rounding of the division is mended here */
+  s->low = floor(s->low), s->high = ceil(s->high); /* the loops below undo rounding of the division */
   while (s->low <= s->high &&
          !(s->d->slope * s->low + s->d->intercept >= low && s->d->slope * s->low + s->d->intercept <= high))
     s->low++;
@@ -120,8 +120,8 @@ static void stored_range(subject *s, double low, double high) {
 
 /* ---- records ---- */
 
-/* How far inside the object, from the nearer end of its range; an end that no voxel is beyond does not count. Of labels
- * whether it is. */
+/* Distance of a voxel's value from the nearer end of the object's range, positive inside; an end that no voxel is beyond
+ * does not count. Label maps: 1 inside, -1 outside. */
 static double inside_at(const subject *s, size_t i) {
   const tc_volume_stats *stats = tc_volume_statistics(s->volume);
   double v = tc_voxel_at(s->d->type, s->data, i), above = v - s->low, below = s->high - v;
@@ -155,7 +155,7 @@ static void slope_at_face(const subject *s, spot p, int axis, int step, double s
   }
 }
 
-/* Where the grid ends the object does, half a voxel on: such faces count as much as all others together. */
+/* The object ends half a voxel beyond the grid's last voxels; such faces weigh as much as all others together. */
 static void add_ends(const subject *s, spot p, double sum[3], double crossing[6]) {
   const double length = length3(sum);
   for (int f = 0; f < 6; f++) {
@@ -197,7 +197,7 @@ static double distance_of(const subject *s, const double normal[3], const double
   return length > 0 && faces > 0 ? sum / (length * faces) : -1;
 }
 
-/* Inside there are central differences alone. */
+/* Central differences, for voxels without a free face. */
 static void slope_within(const subject *s, spot p, double slope[3]) {
   for (int k = 0; k < 3; k++) slope[k] = (inside_of(s, p, k, -1) - inside_of(s, p, k, 1)) / s->d->spacing[k];
 }
