@@ -13,7 +13,8 @@ export function centredOn(camera, place) {
 }
 
 /** A number, or a normal's components. */
-const attributeText = (number) => (Array.isArray(number) ? number.map((n) => n.toFixed(2)).join(' ') : String(Number(number.toPrecision(5))));
+const attributeText = (number) =>
+  Array.isArray(number) ? number.map((n) => n.toFixed(2)).join(' ') : String(Number(number.toPrecision(5)));
 
 export class Probe {
   #api;

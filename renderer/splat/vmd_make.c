@@ -1,4 +1,4 @@
-/* Builds a model from bits of filled voxels: rows of columns in parallel, each into its own bytes, which are then joined in order. */
+/* Builds a model from bits of filled voxels: rows of columns in parallel, each into bytes of its own, which are joined. */
 #include <stdlib.h>
 #include <string.h>
 
