@@ -43,7 +43,7 @@ V_INLINE void cast_packet(const tc_cpu_args *args, variant v, const place *at, v
   vf clear = v_set(1), front = v_set(0), back = v_set(0);
   vf4 sum = {v_set(0), v_set(0), v_set(0), v_set(0)};
   vm live = p.live;
-  bool fresh = true, ahead = false; /* fresh: front must be sampled; ahead: the previous iteration sampled back */
+  int missing = 2; /* samples to fetch before the segment has both of its ends */
   runs r;
   int run_end = 0; /* first step behind the occupied run */
   lighting light;
@@ -55,41 +55,41 @@ V_INLINE void cast_packet(const tc_cpu_args *args, variant v, const place *at, v
   if (phased(v)) p.lag = lag_of(args, v, at);
   const march m = start_march(args, v, &p, !phased(v)); /* a ray's phase shortens the packet's first segment */
   if (v.leap) r = start_runs(args, v, &p, at);
-  for (int i = 0; keep_marching(args, live, counts, i); i++) {
-    vf t0 = sample_mm(args, v, &p, i), t1 = sample_mm(args, v, &p, i + 1);
+  /* A run, too, begins with two rounds that only fetch: they use the neighbourhoods and prefetches of all others. */
+  for (int i = v.leap ? 0 : -missing; keep_marching(args, live, counts, i); i++) {
     if (v.leap && i >= run_end) {
       int from;
       if (!next_run(&r, live, i, &from, &run_end)) {
         counts->leaps++;
         break;
       }
+      missing = 2;
       if (from > i) {
-        i = from;
-        t0 = sample_mm(args, v, &p, i), t1 = sample_mm(args, v, &p, i + 1);
-        live = m_and(live, v_lt(t0, p.length));
+        live = m_and(live, v_lt(sample_mm(args, v, &p, from), p.length));
         counts->leaps++;
         counts->until_poll -= POLL_STRIDE; /* leaps may miss every multiple of POLL_STRIDE */
-        fresh = true;
         if (!m_any(live)) break;
       }
+      prefetch_run(args, v, &m, from, run_end);
+      i = from - missing;
     }
-    if (fresh) {
-      front = first_node(args, v, &p, t0, at_front);
-      counts->samples += (uint64_t)m_count(live);
-      fresh = ahead = false;
-    }
-    if (!ahead) back = first_node(args, v, &p, v_min(t1, p.length), at_back);
-    const vm active = (float)i < p.most_delay ? m_and(live, v_le(v_set(0), t0)) : live;
-    counts->samples += (uint64_t)m_count(active);
+    const vf t0 = sample_mm(args, v, &p, i), t1 = sample_mm(args, v, &p, i + 1);
     /* The next sample is fetched before this segment's look-up, so that the two chains of loads overlap: a third less
      * time per sample. */
     vf next = front;
-    ahead = !v.leap || i + 1 < run_end;
-    if (ahead) {
+    if (!v.leap || i + 1 < run_end) {
       vf t2 = sample_mm(args, v, &p, i + 2);
       vm needs = m_and(live, m_and(v_lt(t1, p.length), v_le(v_set(0), t2)));
       next = march_node(args, v, &p, &m, i + 2, v_min(t2, p.length), needs, at_next);
     }
+    if (missing > 0) {
+      if (!--missing) counts->samples += (uint64_t)m_count(live);
+      front = back, back = next;
+      if (cell) shift_slopes(slopes);
+      continue;
+    }
+    const vm active = (float)i < p.most_delay ? m_and(live, v_le(v_set(0), t0)) : live;
+    counts->samples += (uint64_t)m_count(active);
     if (v.classification != TC_PREINTEGRATED2 && all_zero(args, front, back, active)) {
       live = m_and(live, v_lt(t1, p.length));
       front = back, back = next;

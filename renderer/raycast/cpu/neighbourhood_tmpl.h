@@ -78,6 +78,8 @@ V_INLINE march start_march(const tc_cpu_args *args, variant v, packet *p, bool m
 
 V_INLINE int voxel_bytes(int type) { return type == TC_F32 ? 4 : type == TC_U8 || type == TC_I8 ? 1 : 2; }
 
+#ifdef V_NEAR
+/* For lanes that do not fit: too rare to be inlined. */
 #define GATHER_APART(name, type)                                                                                      \
   V_ONCE corners gather_##name(const tc_cpu_args *args, vi off) { return gather_corners(args, TYPE_##name, off); }
 enum { TYPE_u8 = TC_U8, TYPE_i8 = TC_I8, TYPE_u16 = TC_U16, TYPE_i16 = TC_I16, TYPE_f32 = TC_F32 };
@@ -93,7 +95,6 @@ V_INLINE corners gather_apart(const tc_cpu_args *args, int type, vi off) {
   }
 }
 
-#ifdef V_NEAR
 V_INLINE void prefetch_rows(const tc_cpu_args *args, int type, ptrdiff_t first) {
   const ptrdiff_t row = args->grid.row, slice = args->grid.slice;
   const char *p = (const char *)args->grid.voxels + first * voxel_bytes(type);
@@ -101,12 +102,10 @@ V_INLINE void prefetch_rows(const tc_cpu_args *args, int type, ptrdiff_t first) 
   for (int k = 0; k < 16; k++) __builtin_prefetch(p + ((k >> 2) * slice + (k & 3) * row) * voxel_bytes(type));
 }
 
-/* The corners of the lanes' cells at step i. needs: lanes whose sample will be used; the others need not fit. */
-V_INLINE corners march_near(const tc_cpu_args *args, int type, const march *m, int i, const vi cell[3], vm needs) {
+/* The lowest cell of the neighbourhood of step i. Returns its offset in voxels. */
+V_INLINE ptrdiff_t near_first(const tc_cpu_args *args, int type, const march *m, int i, int least[3]) {
   const ptrdiff_t along[3] = {1, args->grid.row, args->grid.slice};
   ptrdiff_t first = 0;
-  int least[3];
-  vi at;
 #pragma GCC unroll 3
   for (int k = 0; k < 3; k++) {
     int base = (int)(m->lo[k] + (float)i * m->rise[k]), most = args->grid.cell_last[k] + 2 - (k ? 4 : near_width(type));
@@ -114,6 +113,14 @@ V_INLINE corners march_near(const tc_cpu_args *args, int type, const march *m, i
     least[k] = base > 0 ? base : 0;
     first += least[k] * along[k];
   }
+  return first;
+}
+
+/* The corners of the lanes' cells at step i. needs: lanes whose sample will be used; the others need not fit. */
+V_INLINE corners march_near(const tc_cpu_args *args, int type, const march *m, int i, const vi cell[3], vm needs) {
+  int least[3];
+  vi at;
+  const ptrdiff_t first = near_first(args, type, m, i, least);
   const vm fits = near_places(type, least, cell, &at);
   prefetch_rows(args, type, first + m->ahead);
   if (__builtin_expect(m_any(m_andnot(needs, fits)), 0)) return gather_apart(args, type, cell_offset(args, cell));
@@ -146,10 +153,12 @@ V_INLINE vf march_node(const tc_cpu_args *args, variant v, const packet *p, cons
   return node_of(args, march_voxel(args, v, p, m, i, t, needs, gradient));
 }
 
-/* The first sample of a run: too rare for a specialised version. */
-V_INLINE vf first_node(const tc_cpu_args *args, variant v, const packet *p, vf t, vf *gradient) {
-  if (v.filter != TC_FILTER_LINEAR) return sample_node(args, v, p, t, gradient);
-  const spot s = spot_at(args, p, t);
-  const corners c = gather_apart(args, v.type, cell_offset(args, s.cell));
-  return node_of(args, interpolate(v.type, &c, s.f, gradient));
+/* Prefetches what the first steps of a run read, from step `first` on: march_voxel() prefetches PREFETCH_STEPS ahead. */
+V_INLINE void prefetch_run(const tc_cpu_args *args, variant v, const march *m, int first, int end) {
+#ifdef V_NEAR
+  int least[3];
+  if (!m->near) return;
+  if (end > first + PREFETCH_STEPS) end = first + PREFETCH_STEPS;
+  for (int i = first; i <= end; i += 3) prefetch_rows(args, v.type, near_first(args, v.type, m, i, least));
+#endif
 }
