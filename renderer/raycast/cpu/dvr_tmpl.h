@@ -14,11 +14,18 @@ V_INLINE vf4 shade_segment(const tc_cpu_args *args, variant v, const packet *p, 
   return shade(&args->shade, l, middle, middle, c);
 }
 
-/* Colour and opacity of a segment: classified, tinted by labels, shaded. */
-V_INLINE vf4 draw_segment(const tc_cpu_args *args, variant v, const packet *p, const lighting *light,
-                          const ray_segment *s, tc_cpu_counts *counts) {
+/* Colour and opacity of a segment: classified and tinted by labels. */
+V_INLINE vf4 colour_segment(const tc_cpu_args *args, variant v, const packet *p, const ray_segment *s,
+                            tc_cpu_counts *counts) {
   vf4 c = segment(args, v, p, s, counts);
   if (v.labels && m_any(v_lt(v_set(0), c.a))) c = label_segment(args, p, segment_middle_mm(p, s), c);
+  return c;
+}
+
+/* The same, shaded. */
+V_INLINE vf4 draw_segment(const tc_cpu_args *args, variant v, const packet *p, const lighting *light,
+                          const ray_segment *s, tc_cpu_counts *counts) {
+  vf4 c = colour_segment(args, v, p, s, counts);
   const vm visible = m_and(s->live, v_lt(v_set(0), c.a));
   if (v.shaded && m_any(visible)) {
     counts->gradients += (uint64_t)m_count(visible);
@@ -48,6 +55,9 @@ V_INLINE void cast_packet(const tc_cpu_args *args, variant v, const place *at, v
   int run_end = 0; /* first step behind the occupied run */
   lighting light;
   const bool cell = v.shaded && v.gradient == TC_GRADIENT_CELL;
+  const bool pairs = v.shaded && v.gradient == TC_GRADIENT_CENTRAL;
+  unlit waiting[2]; /* to be shaded */
+  int n_waiting = 0;
   vf slopes[3][3]; /* index gradients at front, back, next */
   vf *const at_front = cell ? slopes[0] : NULL, *const at_back = cell ? slopes[1] : NULL;
   vf *const at_next = cell ? slopes[2] : NULL;
@@ -97,11 +107,20 @@ V_INLINE void cast_packet(const tc_cpu_args *args, variant v, const place *at, v
       continue;
     }
     const ray_segment s = {i, t0, t1, front, back, active, at_front, at_back};
-    vf4 c = draw_segment(args, v, &p, &light, &s, counts);
+    vf4 c = pairs ? colour_segment(args, v, &p, &s, counts) : draw_segment(args, v, &p, &light, &s, counts);
     vf weight = v_select(active, clear, v_set(0));
-    sum.r = v_fma(weight, c.r, sum.r);
-    sum.g = v_fma(weight, c.g, sum.g);
-    sum.b = v_fma(weight, c.b, sum.b);
+    if (pairs) {
+      const vm visible = m_and(active, v_lt(v_set(0), c.a));
+      if (m_any(visible)) {
+        counts->gradients += (uint64_t)m_count(visible);
+        waiting[n_waiting++] = (unlit){segment_middle_mm(&p, &s), visible, c, weight};
+        if (n_waiting == 2) shade_waiting(args, v.type, &p, &light, waiting, n_waiting, &sum), n_waiting = 0;
+      }
+    } else {
+      sum.r = v_fma(weight, c.r, sum.r);
+      sum.g = v_fma(weight, c.g, sum.g);
+      sum.b = v_fma(weight, c.b, sum.b);
+    }
     /* Opacity is summed separately from transparency: in single precision, thin segments do not change a transparency
      * of 1. */
     sum.a = v_fma(weight, c.a, sum.a);
@@ -111,5 +130,6 @@ V_INLINE void cast_packet(const tc_cpu_args *args, variant v, const place *at, v
     front = back, back = next;
     if (cell) shift_slopes(slopes);
   }
+  if (pairs && n_waiting) shade_waiting(args, v.type, &p, &light, waiting, n_waiting, &sum);
   *out = finish_rays(args, v, sum, clear);
 }

@@ -1,5 +1,8 @@
 /* The field at points of the packet's rays: cells, voxel pairs, trilinear interpolation. */
 
+/* tc_voxel_type by the name that SIMD_VOXELS uses. */
+enum { TYPE_u8 = TC_U8, TYPE_i8 = TC_I8, TYPE_u16 = TC_U16, TYPE_i16 = TC_I16, TYPE_f32 = TC_F32 };
+
 V_INLINE void fetch_pair(int type, const void *voxels, vi off, vf *a, vf *b) {
   switch (type) { /* a constant after inlining */
   case TC_U8: v_pair_u8(voxels, off, a, b); return;

@@ -82,7 +82,6 @@ V_INLINE int voxel_bytes(int type) { return type == TC_F32 ? 4 : type == TC_U8 |
 /* For lanes that do not fit: too rare to be inlined. */
 #define GATHER_APART(name, type)                                                                                      \
   V_ONCE corners gather_##name(const tc_cpu_args *args, vi off) { return gather_corners(args, TYPE_##name, off); }
-enum { TYPE_u8 = TC_U8, TYPE_i8 = TC_I8, TYPE_u16 = TC_U16, TYPE_i16 = TC_I16, TYPE_f32 = TC_F32 };
 SIMD_VOXELS(GATHER_APART)
 
 V_INLINE corners gather_apart(const tc_cpu_args *args, int type, vi off) {

@@ -35,7 +35,10 @@
  *   neighbourhood of V_NEAR_T (4 or 8) x 4 x 4 voxels; v_near_load_T: loads the neighbourhood whose lowest voxel is at
  *   p, with strides `row` and `slice` in voxels along y and z, reading these voxels alone; v_near_pair_T: elements at +
  *   more and at + more + 1 (element x + V_NEAR_T (y + 4 z); from 0 to the last but one, unspecified in a lane outside;
- *   more is even), with V_BIAS_T added to each.
+ *   more is even), with V_BIAS_T added to each. v_wide: a neighbourhood of 8x6x6 voxels for gradients, of all types but
+ *   f32, without the rows at an end of both y and z; v_wide_load_T: the same whose voxel (0, 1, 1) is at p; v_wide_pair:
+ *   elements at + more and the next (element x + 8 y + 32 z, x <= 4, y and z <= 2; more: x + 8 y with x <= 2, y <= 1)
+ *   from three slices, with V_BIAS_T added to each.
  * - v_bilinear: reads entries row0, row0 + 1, row1, row1 + 1 (4 floats each) of base, interpolates by fy between rows,
  *   then by fx, each as a + f (b - a) with v_fma: four equal entries give that entry, and fx = fy = 0 gives row0's.
  *

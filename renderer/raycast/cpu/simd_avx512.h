@@ -192,6 +192,51 @@ V_INLINE void v_near_pair_f32(const v_near_floats *n, vi at, int more, vf *a, vf
   *b = v_near_float(n, v_addi(at, v_seti(more + 1)));
 }
 
+/* Neighbourhoods for gradients: 8x6x6 voxels as words, without the edges along x. slice[1 + z]: rows 0 to 3 along y, z from
+ * -1 to 4; below[z], above[z]: rows -1 to 2 and 1 to 4, z from 0 to 3. A row is 8 words: a register is 4 rows. */
+typedef struct v_wide { vi slice[6], below[4], above[4]; } v_wide;
+
+V_INLINE vi v_wide_row(const char *p, int bytes) {
+  const __m128i *at = (const __m128i *)(const void *)p;
+  return _mm512_broadcast_i64x2(bytes == 1 ? _mm_cvtepu8_epi16(_mm_loadl_epi64(at)) : _mm_loadu_si128(at));
+}
+V_INLINE vi v_wide_rows(const char *p, int bytes, ptrdiff_t row) {
+  if (bytes == 1) return _mm512_cvtepu8_epi16(v_four_rows(p, row));
+  vi v = _mm512_castsi128_si512(_mm_loadu_si128((const __m128i *)(const void *)p));
+  v = _mm512_mask_broadcast_i64x2(v, 0x0c, _mm_loadu_si128((const __m128i *)(const void *)(p + row)));
+  v = _mm512_mask_broadcast_i64x2(v, 0x30, _mm_loadu_si128((const __m128i *)(const void *)(p + 2 * row)));
+  return _mm512_mask_broadcast_i64x2(v, 0xc0, _mm_loadu_si128((const __m128i *)(const void *)(p + 3 * row)));
+}
+V_INLINE v_wide v_wide_load(const char *p, int bytes, ptrdiff_t row, ptrdiff_t slice, vi flips) {
+  v_wide n;
+  row *= bytes, slice *= bytes;
+#pragma GCC unroll 6
+  for (int k = 0; k < 6; k++) n.slice[k] = _mm512_xor_si512(v_wide_rows(p + (k - 1) * slice, bytes, row), flips);
+#pragma GCC unroll 4
+  for (int z = 0; z < 4; z++) {
+    vi low = _mm512_xor_si512(v_wide_row(p + z * slice - row, bytes), flips);
+    vi high = _mm512_xor_si512(v_wide_row(p + z * slice + 4 * row, bytes), flips);
+    n.below[z] = _mm512_alignr_epi64(n.slice[1 + z], low, 6);
+    n.above[z] = _mm512_alignr_epi64(high, n.slice[1 + z], 2);
+  }
+  return n;
+}
+#define V_WIDE_LOAD(name, type, flips)                                                                                \
+  V_INLINE v_wide v_wide_load_##name(const void *p, ptrdiff_t row, ptrdiff_t slice) {                                 \
+    return v_wide_load((const char *)p, (int)sizeof(type), row, slice, v_seti((int)flips));                           \
+  }
+V_WIDE_LOAD(u8, uint8_t, 0)
+V_WIDE_LOAD(i8, int8_t, 0x00800080)
+V_WIDE_LOAD(u16, uint16_t, 0)
+V_WIDE_LOAD(i16, int16_t, 0x80008000)
+
+V_INLINE void v_wide_pair(const vi slices[3], vi at, int more, vf *a, vf *b) {
+  vi both = v_addi(v_near_both(at), v_seti(more * 0x10001));
+  vi words = _mm512_permutex2var_epi16(slices[0], both, slices[1]);
+  words = _mm512_mask_permutexvar_epi16(words, _mm512_test_epi16_mask(both, v_seti(0x00400040)), both, slices[2]);
+  v_biased_words(words, a, b);
+}
+
 /* One load fetches two neighbouring entries (32 bytes). Group g holds lanes g, 4+g, 8+g and 12+g, one entry per
  * 128-bit slot. A 4x4 transpose within the slots then ends in lane order: far fewer loads than sixteen gathers. */
 V_INLINE vf v_entry_pairs(const double *base, const int32_t *off, int a, int b) {
