@@ -36,8 +36,8 @@ V_INLINE vf4 cast_rays(const tc_cpu_args *args, variant v, const place *at, skip
   ROW(dvr_##name##_terminate_leap, .type = voxels, .terminate = 1, .leap = 1)                                         \
   ROW(cell_##name, .type = voxels, .shaded = 1, .terminate = 1)                                                       \
   ROW(cell_##name##_leap, .type = voxels, .shaded = 1, .terminate = 1, .leap = 1)                                     \
-  ROW(lit_##name, .type = voxels, .shaded = 1, .gradient = TC_GRADIENT_CENTRAL, .terminate = 1)          \
-  ROW(lit_##name##_leap, .type = voxels, .shaded = 1, .gradient = TC_GRADIENT_CENTRAL, .terminate = 1, .leap = 1) \
+  ROW(lit_##name, .type = voxels, .shaded = 1, .gradient = TC_GRADIENT_CENTRAL, .terminate = 1)                       \
+  ROW(lit_##name##_leap, .type = voxels, .shaded = 1, .gradient = TC_GRADIENT_CENTRAL, .terminate = 1, .leap = 1)     \
   ROW(options_##name, .type = voxels, OPTIONS)                                                                        \
   ROW(second_order_##name, .type = voxels, .classification = TC_PREINTEGRATED2, OPTIONS)                              \
   ROW(mip_##name, .type = voxels, .mode = TC_MODE_MIP)                                                                \
