@@ -10,6 +10,7 @@
 #include "renderer/mesh/sight.h"
 
 #define CHUNK 1024   /* clusters of a task */
+#define AHEAD 4
 #define LOOK 8       /* clusters between two checks of the halt */
 #define BUCKETS 256  /* buckets of nearness that a tile's clusters are sorted into */
 #define MOST_LAYERS (1 << 18) /* most layers sorted at once; a tile with more is drawn a few rows at a time */
@@ -175,15 +176,15 @@ static void sort_list(const drawing *d, const uint32_t *list, size_t n, uint32_t
 }
 
 static float farthest_of(const tc_raster_tile *t, int n_samples, int bx, int by) {
-  float least = INFINITY;
-  int x1 = (bx + 1) * TC_RASTER_BLOCK, y1 = (by + 1) * TC_RASTER_BLOCK;
-  x1 = x1 < t->width ? x1 : t->width, y1 = y1 < t->height ? y1 : t->height;
+  float least[TC_RASTER_BLOCK], all = INFINITY;
+  for (int x = 0; x < TC_RASTER_BLOCK; x++) least[x] = INFINITY;
   for (int s = 0; s < n_samples; s++)
-    for (int y = by * TC_RASTER_BLOCK; y < y1; y++) {
-      const float *row = t->near + ((size_t)s * TC_RASTER_SIDE + (size_t)y) * TC_RASTER_SIDE;
-      for (int x = bx * TC_RASTER_BLOCK; x < x1; x++) least = row[x] < least ? row[x] : least;
+    for (int y = by * TC_RASTER_BLOCK; y < (by + 1) * TC_RASTER_BLOCK; y++) {
+      const float *row = t->near + ((size_t)s * TC_RASTER_SIDE + (size_t)y) * TC_RASTER_SIDE + bx * TC_RASTER_BLOCK;
+      for (int x = 0; x < TC_RASTER_BLOCK; x++) least[x] = row[x] < least[x] ? row[x] : least[x];
     }
-  return least;
+  for (int x = 0; x < TC_RASTER_BLOCK; x++) all = least[x] < all ? least[x] : all;
+  return all;
 }
 
 typedef struct block_range {
@@ -216,7 +217,8 @@ static void begin_tile(const drawing *d, tc_raster_tile *t, int tile) {
   t->height = v->height - t->y0 < TC_RASTER_SIDE ? v->height - t->y0 : TC_RASTER_SIDE;
   t->stale = 0;
   for (int b = 0; b < TC_RASTER_BLOCKS * TC_RASTER_BLOCKS; b++) t->far[b] = -INFINITY;
-  for (size_t i = 0; i < (size_t)d->job->n_samples * TC_RASTER_PIXELS; i++) t->near[i] = -INFINITY;
+  for (size_t i = 0; i < (size_t)d->job->n_samples * TC_RASTER_PIXELS; i++)
+    t->near[i] = (int)(i % TC_RASTER_SIDE) < t->width && (int)(i / TC_RASTER_SIDE % TC_RASTER_SIDE) < t->height ? -INFINITY : INFINITY;
   memset(t->id, 0xff, (size_t)d->job->n_samples * TC_RASTER_PIXELS * sizeof *t->id);
 }
 
@@ -241,13 +243,24 @@ static bool is_too_much(const tc_raster_tile *t) {
   return t->layers && t->layers->n > (t->height > 1 ? MOST_LAYERS : MOST_ROW);
 }
 
+/* A tile's clusters lie apart in memory: fetches the record of one to be drawn soon and the data of the next but few. */
+static void prefetch(const tc_clusters *mesh, const uint32_t *order, size_t left) {
+  if (left > 2 * AHEAD) __builtin_prefetch(&mesh->clusters[order[2 * AHEAD]]);
+  if (left <= AHEAD) return;
+  const tc_cluster *k = &mesh->clusters[order[AHEAD]];
+  const float *at = mesh->positions + 3 * (size_t)k->vertex;
+  for (size_t i = 0; i < 3 * (size_t)k->n_vertices; i += 16) __builtin_prefetch(at + i);
+  for (size_t i = 0; i < 3 * (size_t)k->n_triangles; i += 64) __builtin_prefetch(mesh->triangles + 3 * (size_t)k->triangle + i);
+}
+
 /* Draws a tile's opaque or translucent clusters into the rows of `to`, which is the tile or a part of it. Returns the number
  * of clusters processed; less than n if halted or if there are too many layers. */
 static size_t draw_clusters(drawing *d, worker *w, size_t n, tc_raster_tile *to) {
   tc_raster_tile *t = &w->tile;
   for (size_t i = 0; i < n; i++) {
     const tc_sight *s = &d->sights[w->order[i]];
-    const tc_raster_surface *surface = surface_of(d, w->order[i]);
+    prefetch(d->job->mesh, w->order + i, n - i);
+    const tc_raster_surface *surface = &d->job->surfaces[s->part];
     if (i % LOOK == LOOK - 1 && tc_halt_within(tc_pool_halt(d->job->pool))) return i;
     if ((surface->opacity < 1) != (to->layers != NULL) || s->y1 < to->y0 || s->y0 >= to->y0 + to->height) continue;
     const block_range r = blocks_of(t, s);

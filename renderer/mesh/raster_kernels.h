@@ -46,7 +46,8 @@ typedef struct tc_raster_layers {
 
 typedef struct tc_raster_tile {
   int x0, y0, width, height;
-  float *near;   /* [samples][TC_RASTER_SIDE][TC_RASTER_SIDE] and a vector more; -INFINITY: nothing */
+  float *near;   /* [samples][TC_RASTER_SIDE][TC_RASTER_SIDE] and a vector more; -INFINITY: nothing; INFINITY outside
+                    width and height */
   uint32_t *id;  /* likewise */
   float *far;    /* [TC_RASTER_BLOCKS^2] smallest nearness of each block, unless it is stale */
   uint64_t stale;

@@ -6,6 +6,7 @@
 #include "renderer/mesh/raster_kernels.h"
 
 #define ROOM (TC_CLUSTER_VERTICES + TC_CLUSTER_PAD)
+#define LIST (TC_CLUSTER_TRIANGLES + TC_CLUSTER_PAD)
 #define SIDE TC_RASTER_SIDE
 #define PIXEL 256.0f
 #define ROUND 12582912.0f /* 1.5 * 2^23: adding and subtracting it rounds numbers below 2^22 to integers */
@@ -163,6 +164,8 @@ V_INLINE edge make_edge(vf px, vf py, vf qx, vf qy) {
   return e;
 }
 
+V_INLINE vf area_of(vf ax, vf ay, vf bx, vf by, vf cx, vf cy) { return (bx - ax) * (cy - ay) - (by - ay) * (cx - ax); }
+
 V_INLINE vf edge_at(const edge *e, vf x, vf y) { return e->dx * (y - e->py) - e->dy * (x - e->px); }
 
 /* First pixel whose sample is at or after v, and last pixel whose sample is at or before it. */
@@ -179,31 +182,31 @@ V_INLINE vf max3(vf a, vf b, vf c) { return v_max(v_max(a, b), c); }
 
 /* Depth test, one lane after another, since several lanes may hit one pixel. */
 V_INLINE uint64_t insert(const tc_raster_tile *t, size_t plane, unsigned bits, const float *pixel, const float *near,
-                         const float *number, uint32_t first_number) {
+                         const uint32_t *name, uint32_t first_number) {
   uint64_t n = 0;
   for (; bits; bits &= bits - 1, n++) {
     int lane = __builtin_ctz(bits);
     size_t at = plane + (size_t)pixel[lane];
     if (!(near[lane] > t->near[at])) continue;
     t->near[at] = near[lane];
-    t->id[at] = first_number + (uint32_t)number[lane];
+    t->id[at] = first_number + (name[lane] >> 24);
   }
   return n;
 }
 
 V_INLINE uint64_t collect(const tc_raster_tile *t, size_t plane, unsigned bits, const float *pixel, const float *near,
-                          const float *number, uint32_t first_number) {
+                          const uint32_t *name, uint32_t first_number) {
   uint64_t n = 0;
   for (; bits; bits &= bits - 1, n++) {
     const int lane = __builtin_ctz(bits);
     const size_t at = plane + (size_t)pixel[lane];
-    if (near[lane] > t->near[at]) add_layer(t->layers, at, first_number + (uint32_t)number[lane], near[lane]);
+    if (near[lane] > t->near[at]) add_layer(t->layers, at, first_number + (name[lane] >> 24), near[lane]);
   }
   return n;
 }
 
 V_INLINE uint64_t draw_sample(const tc_raster_tile *t, const small *s, const edge e[3], vm alive, const float offset[2],
-                              size_t plane, const float *number, uint32_t first_number) {
+                              size_t plane, const uint32_t *name, uint32_t first_number) {
   vf x0 = first_pixel(min3(s->ax, s->bx, s->cx), offset[0]), y = first_pixel(min3(s->ay, s->by, s->cy), offset[1]);
   vf x1 = last_pixel(max3(s->ax, s->bx, s->cx), offset[0], t->width);
   vf y1 = last_pixel(max3(s->ay, s->by, s->cy), offset[1], t->height);
@@ -219,61 +222,68 @@ V_INLINE uint64_t draw_sample(const tc_raster_tile *t, const small *s, const edg
       vf near = s->na + (b * (s->nb - s->na) + c * (s->nc - s->na)) * s->inverse_area;
       v_store(nears, v_min(v_max(near, s->least), s->most));
       v_store(pixels, y * v_set(SIDE) + x);
-      covered += t->layers ? collect(t, plane, m_bits(in), pixels, nears, number, first_number)
-                           : insert(t, plane, m_bits(in), pixels, nears, number, first_number);
+      covered += t->layers ? collect(t, plane, m_bits(in), pixels, nears, name, first_number)
+                           : insert(t, plane, m_bits(in), pixels, nears, name, first_number);
     }
   }
   return covered;
 }
 
-/* list: numbers of triangles, as floats; the last vector is padded. */
-static void draw_small(const tc_raster_frame *f, const tc_raster_tile *t, const placed *p, const uint8_t *triangles,
-                       size_t room, const float *list, int n, uint32_t first_number, tc_raster_counts *counts) {
-  for (int i = 0; i < n; i += V_LANES) {
-    vi which = v_trunc(v_load(list + i));
-    vi a = v_bytes(triangles, which), b = v_bytes(triangles + room, which), c = v_bytes(triangles + 2 * room, which);
-    small s = {.ax = v_gather(p->x, a), .ay = v_gather(p->y, a), .na = v_gather(p->near, a)};
-    vf bx = v_gather(p->x, b), by = v_gather(p->y, b), nb = v_gather(p->near, b);
-    vf cx = v_gather(p->x, c), cy = v_gather(p->y, c), nc = v_gather(p->near, c);
-    vf area = (bx - s.ax) * (cy - s.ay) - (by - s.ay) * (cx - s.ax);
-    vm turned = v_lt(area, v_set(0)), alive = turned;
-    if (!t->one_sided) alive = m_or(turned, v_lt(v_set(0), area));
-    alive = m_and(alive, v_lt(lanes(), v_set((float)(n - i))));
-    s.bx = v_select(turned, cx, bx), s.by = v_select(turned, cy, by), s.nb = v_select(turned, nc, nb);
-    s.cx = v_select(turned, bx, cx), s.cy = v_select(turned, by, cy), s.nc = v_select(turned, nb, nc);
-    s.inverse_area = v_set(1) / v_max(v_abs(area), v_set(1));
+/* A cluster's triangles that may cover a sample of the tile, by the way they are drawn. Small ones: the corners in fixed
+ * point, turned so that the area is positive, and a name: the vertices in bytes 0 to 2, the triangle in byte 3. */
+typedef struct worklist {
+  float ax[LIST], ay[LIST], bx[LIST], by[LIST], cx[LIST], cy[LIST];
+  uint32_t name[LIST];
+  int large[TC_CLUSTER_TRIANGLES], n_small, n_large;
+} worklist;
+
+static void draw_small(const tc_raster_frame *f, const tc_raster_tile *t, const placed *p, const worklist *w,
+                       uint32_t first_number, tc_raster_counts *counts) {
+  for (int i = 0; i < w->n_small; i += V_LANES) {
+    vi name, byte = v_seti(255);
+    memcpy(&name, w->name + i, sizeof name);
+    small s = {v_load(w->ax + i), v_load(w->ay + i), v_load(w->bx + i), v_load(w->by + i), v_load(w->cx + i), v_load(w->cy + i)};
+    s.na = v_table(p->near, v_andi(name, byte)), s.nb = v_table(p->near, v_andi(v_shr(name, 8), byte));
+    s.nc = v_table(p->near, v_andi(v_shr(name, 16), byte));
+    s.inverse_area = v_set(1) / v_max(area_of(s.ax, s.ay, s.bx, s.by, s.cx, s.cy), v_set(1));
     s.least = min3(s.na, s.nb, s.nc), s.most = max3(s.na, s.nb, s.nc);
+    const vm alive = v_lt(lanes(), v_set((float)(w->n_small - i)));
     const edge e[3] = {make_edge(s.bx, s.by, s.cx, s.cy), make_edge(s.cx, s.cy, s.ax, s.ay),
                        make_edge(s.ax, s.ay, s.bx, s.by)}; /* opposite of a, b, c */
     for (int k = 0; k < f->n_samples; k++)
-      counts->covered += draw_sample(t, &s, e, alive, f->offset[k], (size_t)k * TC_RASTER_PIXELS, list + i, first_number);
+      counts->covered += draw_sample(t, &s, e, alive, f->offset[k], (size_t)k * TC_RASTER_PIXELS, w->name + i, first_number);
   }
 }
 
 /* ---- clusters ---- */
-
-/* Sorts a cluster's triangles that may cover a sample of the tile by the way they are drawn. */
-typedef struct worklist {
-  float small[TC_CLUSTER_TRIANGLES + 16];
-  int large[TC_CLUSTER_TRIANGLES], n_small, n_large;
-} worklist;
 
 static void sort_out(const tc_raster_frame *f, const tc_raster_tile *t, const placed *p, const uint8_t *triangles,
                      size_t room, int n, worklist *w) {
   w->n_small = w->n_large = 0;
   for (int i = 0; i < n; i += V_LANES) {
     vi a = v_load_bytes(triangles + i), b = v_load_bytes(triangles + room + i), c = v_load_bytes(triangles + 2 * room + i);
-    vf ax = v_gather(p->x, a), bx = v_gather(p->x, b), cx = v_gather(p->x, c);
-    vf ay = v_gather(p->y, a), by = v_gather(p->y, b), cy = v_gather(p->y, c);
+    vf ax = v_table(p->x, a), bx = v_table(p->x, b), cx = v_table(p->x, c);
+    vf ay = v_table(p->y, a), by = v_table(p->y, b), cy = v_table(p->y, c);
     vf left = min3(ax, bx, cx), right = max3(ax, bx, cx), top = min3(ay, by, cy), bottom = max3(ay, by, cy);
     vm some = m_and(v_le(first_pixel(left, f->most_offset[0]), last_pixel(right, f->least_offset[0], t->width)),
                     v_le(first_pixel(top, f->most_offset[1]), last_pixel(bottom, f->least_offset[1], t->height)));
     vm small = v_le(v_max(right - left, bottom - top), v_set(SMALL));
-    unsigned tiny = m_bits(m_and(some, small)), large = m_bits(m_andnot(some, small));
-    for (; tiny; tiny &= tiny - 1) w->small[w->n_small++] = (float)(i + __builtin_ctz(tiny));
+    unsigned large = m_bits(m_andnot(some, small));
     for (; large; large &= large - 1) w->large[w->n_large++] = i + __builtin_ctz(large);
+    vf area = area_of(ax, ay, bx, by, cx, cy); /* exact where small */
+    vm turned = v_lt(area, v_set(0)), shown = t->one_sided ? turned : m_or(turned, v_lt(v_set(0), area));
+    shown = m_and(shown, m_and(some, small));
+    vi number = v_addi(v_seti(i), v_trunc(lanes()));
+    vi same = v_ori(v_shl(b, 8), v_shl(c, 16)), swapped = v_ori(v_shl(c, 8), v_shl(b, 16));
+    vi corners = v_ori(v_ori(a, v_shl(number, 24)), v_bits(v_select(turned, v_from_bits(swapped), v_from_bits(same))));
+    const int to = w->n_small;
+    v_compact(w->ax + to, shown, ax), v_compact(w->ay + to, shown, ay);
+    v_compact(w->bx + to, shown, v_select(turned, cx, bx)), v_compact(w->by + to, shown, v_select(turned, cy, by));
+    v_compact(w->cx + to, shown, v_select(turned, bx, cx)), v_compact(w->cy + to, shown, v_select(turned, by, cy));
+    v_compact(w->name + to, shown, v_from_bits(corners));
+    w->n_small += m_count(shown);
   }
-  for (int i = 0; i < V_LANES; i++) w->small[w->n_small + i] = 0;
+  for (int i = 0; i < V_LANES; i++) w->name[w->n_small + i] = 0;
 }
 
 static corner project(const tc_raster_frame *f, const tc_raster_tile *t, const double at[3]) {
@@ -338,7 +348,7 @@ static void draw(const tc_raster_frame *f, tc_raster_tile *t, uint32_t cluster, 
     triangles = uncut;
   }
   sort_out(f, t, &p, triangles, room, k->n_triangles, &w);
-  draw_small(f, t, &p, triangles, room, w.small, w.n_small, first_number, counts);
+  draw_small(f, t, &p, &w, first_number, counts);
   for (int i = 0; i < w.n_large; i++) {
     const uint8_t *v = triangles + w.large[i];
     corner c[3] = {placed_corner(&p, v[0]), placed_corner(&p, v[room]), placed_corner(&p, v[2 * room])};

@@ -16,9 +16,9 @@ static bool faces_away(const tc_mesh_view *v, const tc_cluster *k) {
 
 /* Pixels from `lo` to `hi` along an axis, clamped to the picture. */
 static bool pixel_range(double lo, double hi, int size, int16_t *first, int16_t *last) {
-  lo = floor(lo - 0.02), hi = floor(hi + 0.02);
-  if (!(hi >= 0 && lo <= size - 1)) return false;
-  *first = (int16_t)(lo > 0 ? lo : 0);
+  lo -= 0.02, hi += 0.02;
+  if (!(hi >= 0 && lo < size)) return false;
+  *first = (int16_t)(lo > 0 ? lo : 0); /* not negative, so that the conversion rounds down */
   *last = (int16_t)(hi < size - 1 ? hi : size - 1);
   return true;
 }
@@ -54,7 +54,7 @@ double tc_sight_slack(const tc_clusters *mesh) {
 tc_sight tc_sight_of(const tc_mesh_view *v, const tc_cluster *k, double slack, bool one_sided, bool *away) {
   const double centre[3] = {k->centre[0], k->centre[1], k->centre[2]}, r = k->radius * 1.0001 + slack;
   const tc_sight none = {.x0 = 0, .x1 = -1};
-  tc_sight s = {0};
+  tc_sight s = {.part = k->part};
   bool outside = false;
   for (int i = 0; i < 4 && !outside; i++) outside = tc_mesh_view_row(v->sides[i], centre) < -r;
   for (int i = 0; i < v->n_planes && !outside; i++) {

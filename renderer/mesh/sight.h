@@ -9,6 +9,7 @@ typedef struct tc_sight {
   int16_t x0, y0, x1, y1; /* pixels it may touch, both ends included; x1 < x0: none */
   float nearest;          /* upper bound of its nearness */
   uint32_t planes;        /* bits of the clip planes that may cut it */
+  uint16_t part;          /* the cluster's */
 } tc_sight;
 
 double tc_sight_slack(const tc_clusters *mesh); /* bound on the rounding of single precision, mm */

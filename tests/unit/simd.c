@@ -211,6 +211,26 @@ static void voxels_are_read_exactly(void **unused) {
   free(memory);
 }
 
+static void tables_are_looked_up_and_lanes_compacted(void **unused) {
+  enum { TABLE = 96 };
+  float table[TABLE], room[2 * V_LANES];
+  for (int k = 0; k < TABLE; k++) table[k] = (float)k - 0.5f;
+  for (int round = 0; round < ROUNDS; round++) {
+    lanes at, a, b;
+    for (int k = 0; k < V_LANES; k++) at.i[k] = round ? (int)(draw() % TABLE) : TABLE - 1, a.f[k] = (float)(k + 1), b.f[k] = draw() & 1 ? 1 : -1;
+    const lanes found = of_vf(v_table(table, to_vi(&at)));
+    for (int k = 0; k < V_LANES; k++) assert_true(found.f[k] == table[at.i[k]]);
+    const vm set = v_lt(v_set(0), v_load(b.f));
+    for (int k = 0; k < 2 * V_LANES; k++) room[k] = -7;
+    v_compact(room, set, v_load(a.f));
+    int n = 0;
+    for (int k = 0; k < V_LANES; k++)
+      if (b.f[k] > 0) assert_true(room[n++] == a.f[k]);
+    assert_int_equal(n, m_count(set));
+    for (int k = V_LANES; k < 2 * V_LANES; k++) assert_true(room[k] == -7);
+  }
+}
+
 #ifdef V_NEAR
 #define V_BIAS_F32 0
 /* In memory that holds nothing beside: the voxels, rows and slices of random lengths between. */
@@ -335,7 +355,8 @@ static void bilinear_is_exact_at_entries_and_near_between(void **unused) {
 __attribute__((noinline)) static int run(void) {
   const struct CMUnitTest tests[] = {
       cmocka_unit_test(rows_mean_the_same_in_every_lane), cmocka_unit_test(lanes_convert_and_reduce),
-      cmocka_unit_test(voxels_are_read_exactly), cmocka_unit_test(bilinear_is_exact_at_entries_and_near_between),
+      cmocka_unit_test(voxels_are_read_exactly), cmocka_unit_test(tables_are_looked_up_and_lanes_compacted),
+      cmocka_unit_test(bilinear_is_exact_at_entries_and_near_between),
       cmocka_unit_test(neighbourhoods_hold_their_voxels), cmocka_unit_test(wide_neighbourhoods_hold_their_voxels),
       cmocka_unit_test(prefetching_reads_nothing),
       cmocka_unit_test(pixels_are_stored_in_place)};

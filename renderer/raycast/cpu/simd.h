@@ -25,6 +25,8 @@
  * - v_store_pixels: a packet's pixels (r, g, b, a), rows of the packet `row` pixels apart.
  * - v_load, v_store: V_LANES floats, unaligned; v_load_bytes: V_LANES bytes, unsigned. v_gather: the float at offset
  *   off.
+ * - v_table: entry at (0 to 95) of a table of 96 floats. v_compact: stores the set lanes one after another, 4 bytes each;
+ *   may write V_LANES of them, the others unspecified.
  * - v_bytes: the byte at offset off. v_pair_T: elements off and off + 1, exactly; off counts elements, >= 0. Both may
  *   read, but not use, 3 bytes beyond: volumes and maps are padded.
  * - v_corner_T: the pair with V_BIAS_T added to each, exactly, for an instruction set where that is cheaper;
@@ -160,6 +162,8 @@
   SIMD_HAS(vi, v_load_bytes, const uint8_t *);                                                                        \
   SIMD_HAS(vf, v_gather, const float *, vi);                                                                          \
   SIMD_HAS(vi, v_bytes, const uint8_t *, vi);                                                                         \
+  SIMD_HAS(vf, v_table, const float *, vi);                                                                           \
+  SIMD_HAS(void, v_compact, void *, vm, vf);                                                                          \
   SIMD_HAS(void, v_prefetch, const void *, vi, int);                                                                  \
   SIMD_HAS(vf4, v_bilinear, const float *, vi, vi, vf, vf);                                                           \
   _Static_assert(V_PACKET_X * V_PACKET_Y == V_LANES, "a packet's pixels are its lanes")

@@ -64,6 +64,14 @@ V_INLINE void v_store_pixels(float *p, ptrdiff_t row, vf4 c) {
 V_INLINE vi v_load_bytes(const uint8_t *p) { return _mm256_cvtepu8_epi32(_mm_loadl_epi64((const __m128i *)(const void *)p)); }
 V_INLINE vf v_gather(const float *base, vi off) { return _mm256_i32gather_ps(base, off, 4); }
 V_INLINE unsigned m_bits(vm a) { return (unsigned)_mm256_movemask_ps(a); }
+V_INLINE vf v_table(const float *table, vi at) { return v_gather(table, at); }
+/* The set lanes' numbers, a byte each: those of four lanes from a table, then those of the other four. */
+V_INLINE void v_compact(void *p, vm m, vf a) {
+  static const uint32_t set[16] = {0, 0, 1, 0x100, 2, 0x200, 0x201, 0x20100, 3, 0x300, 0x301, 0x30100, 0x302, 0x30200, 0x30201, 0x3020100};
+  const unsigned bits = m_bits(m), low = bits & 15;
+  const uint64_t order = set[low] | (uint64_t)(set[bits >> 4] + 0x04040404) << 8 * __builtin_popcount(low);
+  _mm256_storeu_ps((float *)p, _mm256_permutevar8x32_ps(a, _mm256_cvtepu8_epi32(_mm_cvtsi64_si128((long long)order))));
+}
 V_INLINE float v_least(vf a) {
   __m128 m = _mm_min_ps(_mm256_castps256_ps128(a), _mm256_extractf128_ps(a, 1));
   m = _mm_min_ps(m, _mm_movehl_ps(m, m));

@@ -66,6 +66,15 @@ V_INLINE void v_store_pixels(float *p, ptrdiff_t row, vf4 c) {
 V_INLINE vi v_load_bytes(const uint8_t *p) { return _mm512_cvtepu8_epi32(_mm_loadu_si128((const __m128i *)(const void *)p)); }
 V_INLINE vf v_gather(const float *base, vi off) { return _mm512_i32gather_ps(off, base, 4); }
 V_INLINE unsigned m_bits(vm a) { return a; }
+V_INLINE vf v_table(const float *table, vi at) {
+  vf low = _mm512_permutex2var_ps(v_load(table), at, v_load(table + 16));
+  vf middle = _mm512_permutex2var_ps(v_load(table + 32), at, v_load(table + 48));
+  vf high = _mm512_permutex2var_ps(v_load(table + 64), at, v_load(table + 80));
+  low = _mm512_mask_blend_ps(_mm512_test_epi32_mask(at, v_seti(32)), low, middle);
+  return _mm512_mask_blend_ps(_mm512_test_epi32_mask(at, v_seti(64)), low, high);
+}
+/* Compressed in a register: a compressing store is microcoded on some CPUs. */
+V_INLINE void v_compact(void *p, vm m, vf a) { _mm512_storeu_ps(p, _mm512_maskz_compress_ps(m, a)); }
 V_INLINE float v_least(vf a) { return _mm512_reduce_min_ps(a); }
 
 V_INLINE vi v_gather_bytes(const void *base, vi off) { return _mm512_i32gather_epi32(off, base, 1); }

@@ -67,6 +67,10 @@ V_INLINE void v_store_pixels(float *p, ptrdiff_t row, vf4 c) { p[0] = c.r, p[1] 
 V_INLINE vi v_load_bytes(const uint8_t *p) { return *p; }
 V_INLINE vf v_gather(const float *base, vi off) { return base[off]; }
 V_INLINE vi v_bytes(const uint8_t *base, vi off) { return base[off]; }
+V_INLINE vf v_table(const float *table, vi at) { return table[at]; }
+V_INLINE void v_compact(void *p, vm m, vf a) {
+  if (m) memcpy(p, &a, sizeof a);
+}
 
 V_INLINE void v_prefetch(const void *base, vi off, int size) {
   __builtin_prefetch((const void *)((uintptr_t)base + (uintptr_t)((ptrdiff_t)off * size)));
