@@ -42,25 +42,26 @@ static void make_unit(float n[3]) {
   for (int k = 0; k < 3; k++) n[k] = sound ? (float)(n[k] / length) : k == 2;
 }
 
-bool tc_mesh_add_normals(tc_mesh *m, bool (*goes_on)(void *user), void *user, GError **error) {
+float (*tc_mesh_normals_of(const tc_mesh *m, bool (*goes_on)(void *user), void *user, GError **error))[3] {
   enum { PORTION = 1 << 16 };
-  float (*normals)[3] = calloc(m->n_vertices + 1, sizeof *normals);
-  if (!normals) {
-    tc_set_error(error, TC_ERROR_MEMORY, NULL, "normals of %zu vertices: out of memory", m->n_vertices);
-    return false;
-  }
-  for (size_t i = 0; i < m->n_triangles + m->n_vertices; i++) {
+  float (*normals)[3] = tc_mesh_reserve(m->n_vertices, sizeof *normals);
+  if (!normals) tc_set_error(error, TC_ERROR_MEMORY, NULL, "normals of %zu vertices: out of memory", m->n_vertices);
+  for (size_t i = 0; normals && i < 2 * m->n_vertices + m->n_triangles; i++) {
+    const size_t t = i - m->n_vertices, v = t - m->n_triangles; /* meaningless before their turn */
     if (i % PORTION == 0 && goes_on && !goes_on(user)) {
       free(normals);
       tc_set_error(error, TC_ERROR_CANCELLED, NULL, "cancelled");
-      return false;
+      return NULL;
     }
-    if (i < m->n_triangles)
-      add_face(m, m->triangles[i], normals);
-    else
-      make_unit(normals[i - m->n_triangles]);
+    if (i < m->n_vertices) memset(normals[i], 0, sizeof *normals);
+    else if (t < m->n_triangles) add_face(m, m->triangles[t], normals);
+    else make_unit(normals[v]);
   }
-  m->normals = normals;
-  m->bytes += m->n_vertices * sizeof *m->normals;
-  return true;
+  return normals;
+}
+
+bool tc_mesh_add_normals(tc_mesh *m, bool (*goes_on)(void *user), void *user, GError **error) {
+  m->normals = tc_mesh_normals_of(m, goes_on, user, error);
+  if (m->normals) m->bytes += m->n_vertices * sizeof *m->normals;
+  return m->normals != NULL;
 }

@@ -11,9 +11,11 @@ typedef struct tc_mesh_measures {
 
 void tc_mesh_measure(const tc_mesh *mesh, tc_mesh_measures *measures);
 
-/* Adds unit vertex normals to a mesh without: the mean of the triangles' normals weighted by area, which shades a smooth
- * surface smoothly however it is triangulated; along z where the area is 0. `goes_on` (NULL: never stops) stops it within
- * milliseconds (TC_ERROR_CANCELLED); on that or TC_ERROR_MEMORY the mesh still has no normals. */
+/* Unit vertex normals [n_vertices] for a mesh without, to free(): the mean of the triangles' normals weighted by area, which
+ * shades a smooth surface smoothly however it is triangulated; along z where the area is 0. `goes_on` (NULL: never stops) stops
+ * it within milliseconds. NULL: TC_ERROR_CANCELLED or TC_ERROR_MEMORY. */
+float (*tc_mesh_normals_of(const tc_mesh *mesh, bool (*goes_on)(void *user), void *user, GError **error))[3];
+/* The same, added to the mesh; on an error it still has none. */
 bool tc_mesh_add_normals(tc_mesh *mesh, bool (*goes_on)(void *user), void *user, GError **error);
 
 /* Closedness: a random point of the plane belongs to each vertex. The sum of the triangles' signed areas between these points,

@@ -97,7 +97,9 @@ static void move_origin(tc_mesh *mesh, const tc_volume *volume) {
   memcpy(mesh->origin, origin, sizeof origin);
 }
 
-tc_mesh *tc_mesh_with_normals(const tc_mesh *mesh, uint64_t max_bytes, bool (*goes_on)(void *user), void *user, GError **error) {
+/* A copy with normals, which all surfaces of one list need; for NULL an empty mesh. max_bytes: TC_ERROR_LIMIT above it; 0 = no
+ * limit. */
+static tc_mesh *copy_with_normals(const tc_mesh *mesh, uint64_t max_bytes, GError **error) {
   if (!mesh) return tc_mesh_new(0, 0, true, error);
   const uint64_t colors = mesh->colors ? mesh->n_vertices * TC_MESH_COLOR_BYTES : 0;
   if (max_bytes && tc_mesh_bytes(mesh->n_vertices, mesh->n_triangles, true) + colors > max_bytes) {
@@ -113,7 +115,7 @@ tc_mesh *tc_mesh_with_normals(const tc_mesh *mesh, uint64_t max_bytes, bool (*go
   memcpy(copy->triangles, mesh->triangles, mesh->n_triangles * sizeof *copy->triangles);
   if (colors) memcpy(copy->colors, mesh->colors, colors);
   if (mesh->normals) memcpy(copy->normals, mesh->normals, mesh->n_vertices * sizeof *copy->normals);
-  if (mesh->normals || tc_mesh_add_normals(copy, goes_on, user, error)) return copy;
+  if (mesh->normals || tc_mesh_add_normals(copy, NULL, NULL, error)) return copy;
   tc_mesh_free(copy);
   return NULL;
 }
@@ -124,7 +126,7 @@ static tc_mesh *make_mesh(const tc_surfaces_wish *wish, const tc_mesh_source *of
   case TC_SURFACE_OF_VALUE: return tc_mesh_extract(wish->volume, of->iso, options, error);
   case TC_SURFACE_OF_PLANE: return tc_mesh_of_plane(wish->volume, of->plane, error);
   case TC_SURFACE_OF_LABEL: return tc_mesh_extract_label(wish->labels, of->label, boxes, options, error);
-  case TC_SURFACE_OF_MESH: return tc_mesh_with_normals(of->mesh, options->max_bytes, NULL, NULL, error);
+  case TC_SURFACE_OF_MESH: return copy_with_normals(of->mesh, options->max_bytes, error);
   case TC_SURFACE_SOURCE_COUNT: break;
   }
   return tc_mesh_new(0, 0, true, error);

@@ -29,10 +29,6 @@ static inline bool tc_mesh_is_within(const tc_scene *s) {
 /* The label that a voxel's bits stand for; 0: no label. */
 uint32_t tc_mesh_label_of(const tc_volume_desc *d, int bits);
 
-/* A copy with normals, which all surfaces of one list need; for NULL an empty mesh. max_bytes: TC_ERROR_LIMIT above it; 0 = no
- * limit. goes_on: as tc_mesh_add_normals() has it (measure.h). */
-tc_mesh *tc_mesh_with_normals(const tc_mesh *mesh, uint64_t max_bytes, bool (*goes_on)(void *user), void *user, GError **error);
-
 bool tc_mesh_source_equal(const tc_mesh_source *a, const tc_mesh_source *b);
 
 typedef struct tc_surfaces tc_surfaces; /* a build in progress */

@@ -10,7 +10,7 @@
 #include "renderer/classify/labels.h"
 #include "renderer/classify/preintegration.h"
 #include "renderer/classify/transfer.h"
-#include "renderer/mesh/surfaces.h"
+#include "renderer/mesh/measure.h"
 #include "renderer/raycast/subpixel.h"
 #include "renderer/reference/reference.h"
 
@@ -153,29 +153,27 @@ void tc_meter_truth(const tc_reference *reference, const tc_scene *scene, int x,
 
 static bool goes_on(void *cancel) { return !cancel || !atomic_load((const atomic_bool *)cancel); }
 
-/* Fills the meshes, with normals, of the surfaces of meshes, and the views of them that the reference reads; both
+/* Fills the views of the surfaces' meshes that the reference reads, and normals of those that have none; both
  * [n_surfaces]. */
-static bool make_meshes(const tc_meter_subject *of, tc_mesh **made, tc_reference_mesh *views, GError **error) {
+static bool view_meshes(const tc_meter_subject *of, float (**normals)[3], tc_reference_mesh *views, GError **error) {
   uint64_t left = MOST_BYTES;
   for (size_t i = 0; i < of->scene->mesh.n_surfaces; i++) {
     const tc_mesh_surface *s = &of->scene->mesh.surfaces[i];
-    if (s->source != TC_SURFACE_OF_MESH || !s->visible) continue;
-    tc_mesh *given = of->meshes ? of->meshes[i] : NULL;
-    const tc_mesh *m = made[i] = given && given->normals ? tc_mesh_ref(given)
-                                                         : tc_mesh_with_normals(given, left, goes_on, (void *)(uintptr_t)of->cancel, error);
-    if (!m) return false;
-    const uint64_t bytes = m->bytes;
+    const tc_mesh *m = of->meshes && s->source == TC_SURFACE_OF_MESH && s->visible ? of->meshes[i] : NULL;
+    if (!m) continue;
+    const uint64_t bytes = tc_mesh_bytes(m->n_vertices, m->n_triangles, true) + (m->colors ? m->n_vertices * TC_MESH_COLOR_BYTES : 0);
     if (bytes >= left) {
       tc_set_error(error, TC_ERROR_LIMIT, "/mesh/surfaces",
                    "the error meter takes meshes of less than 256 MiB together; show fewer or simplified ones");
       return false;
     }
     left -= bytes;
+    if (!m->normals && !(normals[i] = tc_mesh_normals_of(m, goes_on, (void *)(uintptr_t)of->cancel, error))) return false;
     views[i] = (tc_reference_mesh){{m->origin[0], m->origin[1], m->origin[2]},
                                    m->n_vertices,
                                    m->n_triangles,
                                    (const float(*)[3])m->positions,
-                                   (const float(*)[3])m->normals,
+                                   (const float(*)[3])(m->normals ? m->normals : normals[i]),
                                    (const uint32_t(*)[3])m->triangles,
                                    m->colors};
   }
@@ -184,7 +182,7 @@ static bool make_meshes(const tc_meter_subject *of, tc_mesh **made, tc_reference
 
 tc_reference *tc_meter_reference(const tc_meter_subject *of, int width, int height, GError **error) {
   const size_t n = of->scene->mesh.n_surfaces;
-  g_autofree tc_mesh **made = g_new0(tc_mesh *, n + 1);
+  g_autofree float(**normals)[3] = g_malloc0_n(n + 1, sizeof *normals);
   g_autofree tc_reference_mesh *views = g_new0(tc_reference_mesh, n + 1);
   const tc_reference_request request = {.volume = of->volume,
                                         .labels = of->labels,
@@ -194,9 +192,9 @@ tc_reference *tc_meter_reference(const tc_meter_subject *of, int width, int heig
                                         .height = height,
                                         .tolerance = TOLERANCE,
                                         .cancel = of->cancel};
-  const bool good = !tc_reference_missing(of->scene) || make_meshes(of, made, views, error);
+  const bool good = !tc_reference_missing(of->scene) || view_meshes(of, normals, views, error);
   tc_reference *r = good ? tc_reference_make(&request, error) : NULL;
-  for (size_t i = 0; i < n; i++) tc_mesh_free(made[i]);
+  for (size_t i = 0; i < n; i++) free(normals[i]);
   return r;
 }
 

@@ -1,8 +1,11 @@
 /* Rays against a mesh: triangles in Morton order of their middles, halved again and again, with a box around each half.
  */
+#include <assert.h>
 #include <math.h>
+#include <pthread.h>
 #include <stdlib.h>
 #include <string.h>
+#include <sys/mman.h>
 
 #include "renderer/reference/internal.h"
 #include "renderer/reference/reference.h"
@@ -50,23 +53,48 @@ typedef struct making {
   const tc_reference_mesh *of;
   tc_ref_triangles *to;
   const atomic_bool *cancel;
-  double low[3], wide;
-  placed *from, *order; /* [n_triangles] */
+  pthread_mutex_t lock; /* guards low and high */
+  double low[3], high[3];
+  placed *from, *order; /* [n_triangles], in the memory of the nodes, which are built once the triangles are sorted */
   size_t run;           /* triangles of a sorted part of `from` */
 } making;
 
+static_assert(sizeof(node) == 2 * sizeof(placed), "the nodes' memory holds two orders");
+
 static size_t end_of(const making *m, size_t at) { return MIN(at, m->of->n_triangles); }
+
+static void copy(void *to, const void *from, size_t size, size_t first, size_t end) {
+  if (from) memcpy((char *)to + first * size, (const char *)from + first * size, (end - first) * size);
+}
+
+/* Vertices, and what box they fill. */
+static void copy_portion(void *context, int i) {
+  making *m = context;
+  const tc_reference_mesh *of = m->of;
+  const size_t first = (size_t)i * PORTION, end = MIN(first + PORTION, of->n_vertices);
+  double low[3] = {INFINITY, INFINITY, INFINITY}, high[3] = {-INFINITY, -INFINITY, -INFINITY};
+  copy(m->to->positions, of->positions, sizeof *of->positions, first, end);
+  copy(m->to->normals, of->normals, sizeof *of->normals, first, end);
+  copy(m->to->colors, of->colors, sizeof *of->colors, first, end);
+  for (size_t v = first; v < end; v++)
+    for (int k = 0; k < 3; k++) low[k] = fmin(low[k], (double)of->positions[v][k]), high[k] = fmax(high[k], (double)of->positions[v][k]);
+  pthread_mutex_lock(&m->lock);
+  for (int k = 0; k < 3; k++) m->low[k] = fmin(m->low[k], low[k]), m->high[k] = fmax(m->high[k], high[k]);
+  pthread_mutex_unlock(&m->lock);
+}
 
 static void sort_portion(void *context, int i) {
   making *m = context;
   const tc_reference_mesh *of = m->of;
   const size_t first = (size_t)i * PORTION, end = end_of(m, first + PORTION);
+  double wide = 0;
+  for (int k = 0; k < 3; k++) wide = fmax(wide, m->high[k] - m->low[k]);
   for (size_t t = first; t < end; t++) {
     m->order[t] = (placed){0, (uint32_t)t};
     for (int k = 0; k < 3; k++) {
       double middle = 0;
       for (int c = 0; c < 3; c++) middle += (double)of->positions[of->triangles[t][c]][k] / 3;
-      m->order[t].code |= spread((uint64_t)(fmax((middle - m->low[k]) / m->wide, 0) * 0x1fffff)) << k;
+      m->order[t].code |= spread((uint64_t)(fmax((middle - m->low[k]) / wide, 0) * 0x1fffff)) << k;
     }
   }
   qsort(m->order + first, end - first, sizeof *m->order, by_code);
@@ -90,21 +118,17 @@ static bool each(making *m, size_t count, void (*task)(void *context, int index)
   return tc_ref_parallel(&(tc_ref_loop){(int)count, m->cancel, task, m}, 0);
 }
 
+static size_t portions_of(size_t n) { return (n + PORTION - 1) / PORTION; }
+
 static bool sort_triangles(making *m) {
-  const tc_reference_mesh *of = m->of;
-  const size_t n = of->n_triangles, portions = (n + PORTION - 1) / PORTION;
-  for (int k = 0; k < 3; k++) m->low[k] = INFINITY;
-  for (size_t v = 0; v < of->n_vertices; v++)
-    for (int k = 0; k < 3; k++) m->low[k] = fmin(m->low[k], (double)of->positions[v][k]);
-  for (size_t v = 0; v < of->n_vertices; v++)
-    for (int k = 0; k < 3; k++) m->wide = fmax(m->wide, (double)of->positions[v][k] - m->low[k]);
-  bool going = each(m, portions, sort_portion);
+  const size_t n = m->of->n_triangles;
+  bool going = each(m, portions_of(n), sort_portion);
   for (m->run = PORTION; m->run < n && going; m->run *= 2) {
     placed *const sorted = m->order;
     m->order = m->from, m->from = sorted;
     going = each(m, (n + 2 * m->run - 1) / (2 * m->run), merge_two);
   }
-  return going && each(m, portions, fetch_portion);
+  return going && each(m, portions_of(n), fetch_portion);
 }
 
 /* Builds the tree of triangles [first, end), of which there is one in all, or more than one, at nodes[at] and behind: n triangles
@@ -150,25 +174,33 @@ static bool build_all(making *m) {
   return true;
 }
 
-static void *copy(const void *from, size_t n, size_t size) {
-  void *to = from ? malloc((n + 1) * size) : NULL;
-  if (to) memcpy(to, from, n * size);
-  return to;
+/* Huge pages, because a quarter of a gigabyte in small ones takes 20 ms to give back. */
+static void *reserve(size_t n, size_t size) {
+  const size_t page = (size_t)2 << 20, bytes = (n + 1) * size;
+  void *p = bytes < page ? malloc(bytes) : aligned_alloc(page, (bytes + page - 1) & ~(page - 1));
+  if (p && bytes >= page) madvise(p, bytes & ~(page - 1), MADV_HUGEPAGE); /* failure only costs time */
+  return p;
+}
+
+static bool reserve_all(tc_ref_triangles *m, const tc_reference_mesh *of) {
+  m->positions = reserve(of->n_vertices, sizeof *m->positions);
+  m->normals = of->normals ? reserve(of->n_vertices, sizeof *m->normals) : NULL;
+  m->colors = of->colors ? reserve(of->n_vertices, sizeof *m->colors) : NULL;
+  m->triangles = reserve(of->n_triangles, sizeof *m->triangles);
+  m->nodes = reserve(of->n_triangles, sizeof *m->nodes);
+  return m->positions && (m->normals || !of->normals) && (m->colors || !of->colors) && m->triangles && m->nodes;
 }
 
 tc_ref_triangles *tc_ref_triangles_new(const tc_reference_mesh *of, bool linear, const atomic_bool *cancel) {
   tc_ref_triangles *m = g_new0(tc_ref_triangles, 1);
-  making making = {.of = of, .to = m, .cancel = cancel};
-  making.order = malloc((of->n_triangles + 1) * sizeof *making.order), making.from = malloc((of->n_triangles + 1) * sizeof *making.from);
   memcpy(m->origin, of->origin, sizeof m->origin);
-  m->positions = copy(of->positions, of->n_vertices, sizeof *m->positions);
-  m->normals = copy(of->normals, of->n_vertices, sizeof *m->normals);
-  m->colors = copy(of->colors, of->n_vertices, sizeof *m->colors), m->linear = linear;
-  m->triangles = malloc((of->n_triangles + 1) * sizeof *m->triangles), m->n_triangles = (uint32_t)of->n_triangles;
-  m->nodes = malloc((of->n_triangles + 1) * sizeof *m->nodes);
-  bool good = making.order && making.from && m->positions && (m->normals || !of->normals) && (m->colors || !of->colors) && m->triangles && m->nodes;
-  good = good && sort_triangles(&making) && build_all(&making);
-  free(making.order), free(making.from);
+  m->linear = linear, m->n_triangles = (uint32_t)of->n_triangles;
+  making making = {.of = of, .to = m, .cancel = cancel, .lock = PTHREAD_MUTEX_INITIALIZER,
+                   .low = {INFINITY, INFINITY, INFINITY}, .high = {-INFINITY, -INFINITY, -INFINITY}};
+  bool good = reserve_all(m, of);
+  if (good) making.order = (placed *)(void *)m->nodes, making.from = making.order + of->n_triangles;
+  good = good && each(&making, portions_of(of->n_vertices), copy_portion) && sort_triangles(&making) && build_all(&making);
+  pthread_mutex_destroy(&making.lock);
   if (good) return m;
   tc_ref_triangles_free(m);
   return NULL;
