@@ -369,6 +369,61 @@ TEST(skipping_changes_no_bit) {
   }
 }
 
+/* A grey core in the dark, and on the faces of the box brighter lines one voxel wide, far apart. */
+static double lines(double x, double y, double z, const void *context) {
+  const test_grid *grid = context;
+  double at[3] = {x, y, z}, from_middle = 0;
+  bool on_line = false;
+  for (int k = 0; k < 3; k++) {
+    on_line |= (at[k] == 0 || at[k] == grid->dims[k] - 1) && (int)at[(k + 1) % 3] % 20 == 10;
+    from_middle += pow(at[k] - 0.5 * grid->dims[k], 2);
+  }
+  return on_line ? 200 : from_middle < 600 ? 100 : 20;
+}
+
+/* The sample at a ray's end lies up to a step before the first whole step of its interval: where it alone meets a bright
+ * line, neither it nor its interval may be skipped, at any angle and for any number of samples in an interval. */
+TEST(bright_line_at_the_exit) {
+  static const double steps[] = {1.3, 1.9, 3.9, 6, 9, 12}; /* with blocks of 2 voxels: 4 samples in an interval to one */
+  test_grid grid = {.dims = {61, 53, 67}, .type = TC_U8, .spacing = {1, 1, 1}, .slope = 1};
+  g_autoptr(tc_volume) v = test_volume(&grid, lines, &grid);
+  g_auto(tc_scene) s;
+  test_scene(&s, 96, 96);
+  s.mode = TC_MODE_MIP;
+  s.skipping.block = 2;
+  set_window(&s, 0, 255);
+  size_t pixels = 96 * 96, differ[4] = {0}, drawn = 0, apart = 0;
+  uint64_t seed = 3, leaps[4] = {0};
+  for (int n = 0; n < 24; n++) {
+    double side[3] = {test_random(&seed) - 0.5, test_random(&seed) - 0.5, test_random(&seed) - 0.5};
+    test_scene_frame(&s, v, n % 2 ? TC_PERSPECTIVE : TC_ORTHOGRAPHIC, side);
+    s.sampling.step = steps[n % 6];
+    g_autofree float *first = g_new(float, 4 * pixels), *with = g_new(float, 4 * pixels);
+    EACH_RENDERER(i) {
+      s.skipping.mode = TC_SKIPPING_AUTO;
+      const tc_frame *frame = render(i, v, &s, NULL);
+      memcpy(with, frame->linear, 16 * pixels);
+      leaps[i] += frame->stats.leaps;
+      if (i == 0) memcpy(first, with, 16 * pixels);
+      for (size_t p = 0; i == GL && p < pixels; p++)
+        apart += fabs((double)with[4 * p] - (double)first[4 * p]) > 1 / 255.0;
+      s.skipping.mode = TC_SKIPPING_OFF;
+      const float *without = render(i, v, &s, NULL)->linear;
+      for (size_t p = 0; p < pixels; p++) differ[i] += memcmp(with + 4 * p, without + 4 * p, 16) != 0;
+    }
+    drawn += pixels;
+  }
+  EACH_RENDERER(i)
+  printf("  %-6s %zu of %zu pixels differ with skipping, %llu leaps\n", test_names[i], differ[i], drawn,
+         (unsigned long long)leaps[i]);
+  printf("  gl and scalar are over 1/255 apart in %zu pixels\n", apart);
+  EACH_RENDERER(i) {
+    assert_int_equal(differ[i], 0);
+    assert_true(leaps[i] > 0);
+  }
+  assert_int_equal(apart, 0);
+}
+
 /* Samples two voxels apart along z are all 100, or 0 before the object; greater values lie between: beside the first
  * one, and where the levels promise most. */
 static double combs(double x, double y, double z, const void *context) {

@@ -1,9 +1,10 @@
 // Empty-space skipping for MIP and MinIP (skip/bounds.h): one level per block, an upper bound of the field around it.
 layout(binding = 2) uniform usamplerBuffer levels;
 
-// The level of the interval of samples that begins at i: the level of the block at the interval's middle.
+// The level of the interval of samples that begins at i: the level of the block at its middle. The place of the sample
+// before it counts too, because a ray's end lies between two steps.
 float level_of(vec3 entry, vec3 direction, int i) {
-  float t = (float(i) + 0.5 * float(job.blocks.w - 1)) * job.rays.step_mm;
+  float t = (float(i) - 1.0 + 0.5 * float(job.blocks.w)) * job.rays.step_mm;
   vec3 p = clamp(fma(vec3(t), direction, entry), vec3(0.0), vec3(job.dims.xyz - 1));
   // + 0.5 keeps rounding away from the edges of blocks.
   ivec3 block = ivec3((floor(min(p, max(vec3(job.dims.xyz - 2), 0.0))) + 0.5) / float(job.blocks.x));

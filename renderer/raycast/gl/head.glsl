@@ -34,7 +34,7 @@ layout(std140, binding = 0) uniform Job {
   vec4 nodes;                         // x: lo, y: nodes per voxel unit, z: n - 1
   ivec4 table;                        // pre-integration table: x: columns, y: start of row k = 0, z: number of subtables, w: their columns;
                                       // integrals: x: entries per level, y: start of the levels
-  ivec4 blocks;                       // x: width of a block in voxels, yz: entries to the next block along y, z, w: samples per interval
+  ivec4 blocks;                       // x: width of a block in voxels, yz: entries to the next block along y, z, w: samples per interval, 0: no skipping
   vec4 background;                    // compositing space; w: threshold of early ray termination
   vec4 window;                        // mpr: x: centre in nodes, y: grey per node
   vec4 subtables[7];                      // node of the subtable = (node - x) * y; z: start of its row k = 0, w: its rim (preintegration.h)

@@ -45,7 +45,7 @@ static void fill_projection(tc_gl_job_block *block, const tc_grey *grey, const t
   if (!bounds) return;
   block->level_scale[0] = bounds->scale;
   fill_blocks(block, bounds->block, bounds->blocks);
-  block->blocks[3] = tc_bounds_interval(bounds, rays);
+  block->blocks[3] = tc_bounds_interval(bounds, rays) - 1; /* the sample before them counts too (bounds.glsl) */
 }
 
 static void fill_window(tc_gl_job_block *block, const tc_frame_job *job) {

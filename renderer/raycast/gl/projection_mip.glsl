@@ -52,12 +52,13 @@ vec4 march(vec3 anchor, vec3 direction, vec2 span, inout Counts counts) {
   at = -1.0;
 #if LEAP
   take_sample(entry, direction, 0.0, counts);
-  // Short rays gain nothing from skipping.
-  bool guess = best < job.grey.stop && 4.0 * float(job.blocks.w) * job.rays.step_mm < length_mm;
+  // Short rays gain nothing from skipping. Steps longer than a block serve no interval.
+  bool skips = job.blocks.w > 0;
+  bool guess = skips && best < job.grey.stop && 4.0 * float(job.blocks.w) * job.rays.step_mm < length_mm;
   int first = guess ? highest_interval(entry, direction, length_mm) : 0;
   for (int i = first; guess && i < first + job.blocks.w; i++)
     take_sample(entry, direction, min(float(i) * job.rays.step_mm, length_mm), counts);
-  int next_look = 0;
+  int next_look = skips ? 0 : -1;
 #endif
   for (int i = 0; best < job.grey.stop; i++) {
 #if LEAP
