@@ -17,21 +17,21 @@ V_INLINE void set_way(const tc_splat_args *g, const batch *b, int i, rounding *r
   r->way[which][0] = u * scale, r->way[which][1] = v * scale;
 }
 
-/* False: the splat's normal, front, is that of all its pixels. */
-V_INLINE bool is_round(const tc_splat_args *g, const batch *b, int i, rounding *r) {
+/* False: the splat's normal is that of all its pixels. */
+V_INLINE bool is_round(const tc_splat_args *g, const batch *b, int i, const facing *f, rounding *r) {
   const uint32_t splat = b->first + (uint32_t)i, word = b->entry->of->words[splat];
   const unsigned what = b->entry->of->insets[splat] >> 6;
-  float way[3];
-  if (what == TC_SPLAT_SHEET || !(g->move > 0)) return false;
+  if (what == TC_SPLAT_SHEET || !(word >> 12 & word >> 13 & 0x15)) return false;
+  for (int k = 0; k < 3; k++) r->front[k] = f->normal[k][i];
   memset(r->across, 0, sizeof r->across), memset(r->way, 0, sizeof r->way);
   if (what == TC_SPLAT_DOT) {
     memcpy(r->across[0], g->right, sizeof g->right), memcpy(r->across[1], g->down, sizeof g->down);
     set_way(g, b, i, r, 1);
   } else {
-    tc_octahedron_unfold(word >> 18 & 127, word >> 25, 63, way);
-    line_direction(g, way);
-    for (int k = 0; k < 3; k++)
-      r->across[0][k] = way[(k + 1) % 3] * r->front[(k + 2) % 3] - way[(k + 2) % 3] * r->front[(k + 1) % 3];
+    for (int k = 0; k < 3; k++) {
+      const int l = (k + 1) % 3, m = (k + 2) % 3;
+      r->across[0][k] = f->way[l][i] * r->front[m] - f->way[m][i] * r->front[l];
+    }
   }
   set_way(g, b, i, r, 0);
   return true;

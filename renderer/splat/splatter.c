@@ -330,20 +330,33 @@ static void find_farthest(tc_splat_tile *t, int bx, int by) {
     for (int x = 0; x < TC_TILE_BLOCK; x++) far[x] = row[x] > far[x] ? row[x] : far[x];
   }
   for (int x = 1; x < TC_TILE_BLOCK; x++) far[0] = far[x] > far[0] ? far[x] : far[0];
-  t->farthest[by][bx] = far[0];
+  t->farthest[by * TC_TILE_BLOCKS + bx] = far[0];
   t->stale[by][bx] = false;
 }
 
+/* Rows of blocks. What is right of a row is the next one's first: it makes depths greater at most. */
+static void find_farthest_of_four(tc_splat_tile *t, int first, int last) {
+  const float *f = t->farthest;
+  for (int i = first * TC_TILE_BLOCKS; i < (last + 1) * TC_TILE_BLOCKS; i++) {
+    const float *next = f + i + TC_TILE_BLOCKS, above = f[i] > f[i + 1] ? f[i] : f[i + 1],
+                below = next[0] > next[1] ? next[0] : next[1];
+    t->farthest_of_four[i] = above > below ? above : below;
+  }
+}
+
 static void refresh(tc_splat_tile *t, const int box[4]) {
-  for (int by = box[1] / TC_TILE_BLOCK; by <= box[3] / TC_TILE_BLOCK; by++)
+  const int first = box[1] / TC_TILE_BLOCK, last = box[3] / TC_TILE_BLOCK;
+  bool any = false;
+  for (int by = first; by <= last; by++)
     for (int bx = box[0] / TC_TILE_BLOCK; bx <= box[2] / TC_TILE_BLOCK; bx++)
-      if (t->stale[by][bx]) find_farthest(t, bx, by);
+      if (t->stale[by][bx]) any = true, find_farthest(t, bx, by);
+  if (any) find_farthest_of_four(t, MAX(first - 1, 0), last);
 }
 
 bool tc_tile_hides(const tc_splat_tile *t, int x0, int y0, int x1, int y1, float z) {
   for (int by = y0 / TC_TILE_BLOCK; by <= y1 / TC_TILE_BLOCK; by++)
     for (int bx = x0 / TC_TILE_BLOCK; bx <= x1 / TC_TILE_BLOCK; bx++)
-      if (z <= t->farthest[by][bx]) return false;
+      if (z <= t->farthest[by * TC_TILE_BLOCKS + bx]) return false;
   return true;
 }
 
@@ -476,8 +489,9 @@ static void clear_tile(tc_splat_tile *t, const tc_splat_args *g) {
   t->touched[0] = t->touched[1] = TC_TILE, t->touched[2] = t->touched[3] = -1;
   memset(t->sums, 0, (g->opaque && !g->matter.of ? TC_SUM_COLOR : TC_SUMS) * sizeof *t->sums);
   t->left = false;
-  for (int y = 0; y < TC_TILE_BLOCKS; y++)
-    for (int x = 0; x < TC_TILE_BLOCKS; x++) t->stale[y][x] = true;
+  memset(t->stale, 0, sizeof t->stale);
+  for (size_t i = 0; i < G_N_ELEMENTS(t->farthest); i++) t->farthest[i] = i < TC_TILE_BLOCKS * TC_TILE_BLOCKS ? INFINITY : -INFINITY;
+  for (size_t i = 0; i < G_N_ELEMENTS(t->farthest_of_four); i++) t->farthest_of_four[i] = INFINITY;
 }
 
 /* Mm from the eye along each pixel's ray. */

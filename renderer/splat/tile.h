@@ -72,7 +72,8 @@ typedef struct tc_splat_tile {
   /* Whole numbers; translucent: of a sheet optical depth (WEIGHT) and its colours (NORMAL ..), of all sheets (COLOR
    * ..). */
   float sums[TC_SUMS][TC_TILE_PLANE];
-  float farthest[TC_TILE_BLOCKS][TC_TILE_BLOCKS];
+  /* Greatest depths of blocks [y][x], or greater; and of a block, the next, and the two below. */
+  float farthest[TC_TILE_BLOCKS * (TC_TILE_BLOCKS + 1) + 1], farthest_of_four[TC_TILE_BLOCKS * TC_TILE_BLOCKS];
   bool stale[TC_TILE_BLOCKS][TC_TILE_BLOCKS];
   int touched[4];         /* translucent: pixels x0, y0, x1, y1 of the sheet in the making; x1 < x0: none */
   int n_kept;             /* batches of them */

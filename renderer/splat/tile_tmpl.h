@@ -27,7 +27,7 @@ typedef struct batch {
   float a[V_LANES], b[V_LANES], c[V_LANES]; /* q = a dx^2 + 2 b dx dy + c dy^2 */
   float own[V_LANES];       /* square of the kernel's area over the ellipse's, which is widened to the pixels' width */
   float half[2][V_LANES];   /* of the ellipse's box */
-  float box[4][V_LANES];    /* x0, y0, x1, y1: pixels whose centres the ellipse's box holds */
+  float box[4][V_LANES];    /* x0, y0, x1, y1: pixels whose centres the ellipse's box holds; bits of whole numbers */
 } batch;
 
 static const float lane_numbers[16] = {0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12, 13, 14, 15};
@@ -125,16 +125,14 @@ V_INLINE void stretch(const shape *s, vf row[3]) {
   for (int k = 0; k < 3; k++) row[k] = v_fma(more, s->axis[k], row[k] * s->across);
 }
 
-V_INLINE vf whole(vf a) { return v_float(v_trunc(a)); }
-
-/* Numbers of the pixels whose centres lie within `r` of `at`; returns where there are any. */
+/* Numbers of the pixels whose centres lie within `r` of `at`, as bits; returns where there are any. */
 V_INLINE vm set_reach(vf at, vf r, int size, float lo[V_LANES], float hi[V_LANES]) {
-  const vf zero = v_set(0), one = v_set(1), half = v_set(0.5f);
-  vf from = whole(v_min(v_max(at - r + half, zero), v_set(TC_TILE))); /* + 1 truncated is rounding up */
-  vf end = v_max(v_min(at + r - half, v_set((float)(size - 1))), zero - one), to = whole(end);
-  to = to - v_select(v_lt(end, to), one, zero);
-  vm any = v_le(from, to);
-  v_store(lo, v_select(any, from, zero)), v_store(hi, v_select(any, to, zero));
+  const vf zero = v_set(0), half = v_set(0.5f);
+  const vi from = v_trunc(v_min(v_max(at - r + half, zero), v_set(TC_TILE))); /* + 1 truncated is rounding up */
+  const vi end = v_trunc(v_max(v_min(at + r + half, v_set((float)size)), zero));
+  const vm any = v_lt(v_float(from), v_float(end));
+  v_store(lo, v_select(any, v_from_bits(from), zero));
+  v_store(hi, v_select(any, v_from_bits(v_subi(end, v_seti(1))), zero));
   return any;
 }
 
@@ -222,7 +220,9 @@ typedef struct reach {
 } reach;
 
 V_INLINE reach reach_of(const float box[4][V_LANES], int i) {
-  return (reach){(int)box[0][i], (int)box[1][i], (int)box[2][i], (int)box[3][i]};
+  int at[4];
+  for (int k = 0; k < 4; k++) memcpy(&at[k], &box[k][i], sizeof at[k]);
+  return (reach){at[0], at[1], at[2], at[3]};
 }
 
 /* Lanes that are not hidden by what is nearer than `window` before them; of these in *front those that what is nearer
@@ -230,29 +230,45 @@ V_INLINE reach reach_of(const float box[4][V_LANES], int i) {
 V_INLINE unsigned shown(const tc_splat_args *g, const batch *b, const tc_splat_tile *t, unsigned *front) {
   *front = b->alive;
   if (!g->culling) return b->alive;
-  vi at[4], across = v_seti(TC_TILE_BLOCKS), blocks[2];
-  for (int k = 0; k < 4; k++) at[k] = v_sra(v_trunc(v_load(b->box[k])), TC_TILE_SHIFT);
-  for (int k = 0; k < 2; k++) blocks[k] = v_subi(at[2 + k], at[k]);
-  const vf z = v_load(b->z);
-  vf far = v_gather(t->farthest[0], v_addi(at[0], v_muli(at[1], across)));
-  for (int k = 1; k < 4; k++)
-    far = v_max(far, v_gather(t->farthest[0], v_addi(at[k & 1 ? 2 : 0], v_muli(at[k & 2 ? 3 : 1], across))));
-  unsigned left = b->alive & m_bits(v_le(z - v_set(g->window_mm), far));
-  const vm wide = v_lt(v_set(1), v_float(v_ori(blocks[0], blocks[1]))); /* there are blocks between */
-  for (unsigned more = m_any(wide) ? b->alive & ~left & m_bits(wide) : 0; more; more &= more - 1) {
-    const int i = __builtin_ctz(more);
+  vi at[4], across = v_seti(TC_TILE_BLOCKS);
+  vf more[2];
+  for (int k = 0; k < 4; k++) at[k] = v_sra(v_bits(v_load(b->box[k])), TC_TILE_SHIFT);
+  for (int k = 0; k < 2; k++) more[k] = v_float(v_subi(at[2 + k], at[k]));
+  const vf z = v_load(b->z), before = z - v_set(g->window_mm), most = v_max(more[0], more[1]);
+  vf far = v_gather(t->farthest_of_four, v_addi(at[0], v_muli(at[1], across)));
+  const vm wide = v_lt(v_set(1), most); /* over more than two blocks a side, and so twice two */
+  if (b->alive & m_bits(wide)) {
+    const vm one[2] = {v_lt(more[0], v_set(1)), v_lt(more[1], v_set(1))};
+    for (int k = 0; k < 2; k++) /* the last two, or the only one */
+      at[2 + k] = v_bits(v_select(one[k], v_from_bits(at[k]), v_from_bits(v_subi(at[2 + k], v_seti(1)))));
+    for (int k = 1; k < 4; k++)
+      far = v_max(far, v_gather(t->farthest_of_four, v_addi(at[k & 1 ? 2 : 0], v_muli(at[k & 2 ? 3 : 1], across))));
+  }
+  const vm wider = v_lt(v_set(3), most);
+  unsigned left = b->alive & m_bits(v_le(before, far));
+  for (unsigned rest = b->alive & ~left & m_bits(wider); rest; rest &= rest - 1) {
+    const int i = __builtin_ctz(rest);
     const reach r = reach_of(b->box, i);
     if (!tc_tile_hides(t, r.x0, r.y0, r.x1, r.y1, b->z[i] - g->window_mm)) left |= 1u << i;
   }
-  *front = left & m_bits(m_or(wide, v_le(z, far)));
+  *front = left & m_bits(m_or(wider, v_le(z, far)));
   return left;
 }
 
-/* Squares of distances over the kernel's, for the pixels from x on in a row. */
-V_INLINE vf distances(const batch *b, int i, float x, float dy) {
-  vf dx = v_load(lane_numbers) + v_set(x + 0.5f - b->x[i]);
-  return v_fma(dx, v_fma(dx, v_set(b->a[i]), v_set(2 * b->b[i] * dy)), v_set(b->c[i] * dy * dy));
+/* A splat's columns of pixels from x on: squares of distances over the kernel's are a polynomial of dy. */
+typedef struct columns {
+  vf dx, constant, linear, square;
+} columns;
+
+V_INLINE columns columns_of(const batch *b, int i, int x) {
+  const vf dx = v_load(lane_numbers) + v_set((float)x + 0.5f - b->x[i]);
+  return (columns){dx, dx * dx * v_set(b->a[i]), dx * v_set(2 * b->b[i]), v_set(b->c[i])};
 }
+
+V_INLINE vf distances(const columns *c, vf dy) { return v_fma(dy, v_fma(dy, c->square, c->linear), c->constant); }
+
+/* Of the middles of row y's pixels. */
+V_INLINE vf first_dy(const batch *b, int i, int y) { return v_set((float)y + 0.5f - b->y[i]); }
 
 #define LOOK 64 /* splats between two looks at the halt, at least: of the widest some ms */
 
@@ -270,14 +286,20 @@ V_INLINE void put_cores(const tc_splat_args *g, const batch *b, unsigned front, 
     const int i = __builtin_ctz(left);
     const reach r = reach_of(box, i);
     const vf z = v_set(b->z[i]);
+    vm changed = v_lt(z, z);
     t->depths++;
-    for (int y = r.y0; y <= r.y1; y++)
-      for (int x = r.x0; x <= r.x1; x += V_LANES) {
-        float *p = t->depth + y * TC_TILE_STRIDE + x;
-        vf q = distances(b, i, (float)x, (float)y + 0.5f - b->y[i]), before = v_load(p);
-        v_store(p, v_select(v_lt(q, v_set(g->core)), v_min(before, z), before));
+    for (int x = r.x0; x <= r.x1; x += V_LANES) {
+      const columns c = columns_of(b, i, x);
+      float *p = t->depth + r.y0 * TC_TILE_STRIDE + x;
+      vf dy = first_dy(b, i, r.y0);
+      for (int y = r.y0; y <= r.y1; y++, p += TC_TILE_STRIDE, dy = dy + v_set(1)) {
+        const vf before = v_load(p);
+        const vm nearer = m_and(v_lt(distances(&c, dy), v_set(g->core)), v_lt(z, before));
+        v_store(p, v_select(nearer, z, before));
+        changed = m_or(changed, nearer);
       }
-    if (g->culling) tc_tile_touch(t, r.x0, r.y0, r.x1, r.y1);
+    }
+    if (g->culling && m_any(changed)) tc_tile_touch(t, r.x0, r.y0, r.x1, r.y1);
   }
 }
 
@@ -309,39 +331,62 @@ V_INLINE void look_at_voxel(const tc_splat_args *g, const tc_splat_entry *e, uin
   g->matter.of(g->matter.user, at, rgbk);
 }
 
-V_INLINE bool is_thin(uint32_t word) { return (word >> 12 & word >> 13 & 0x15) != 0; }
-
-/* A line's direction, of what stands in a normal's place: a covector, as normals are. */
-V_INLINE void line_direction(const tc_splat_args *g, float n[3]) {
-  float way[3] = {0}, square = 0;
-  for (int k = 0; k < 3; k++) {
-    const float *m = g->covariant[k], index = m[0] * n[0] + m[1] * n[1] + m[2] * n[2];
-    for (int r = 0; r < 3; r++) way[r] += m[r] * index;
-  }
-  for (int r = 0; r < 3; r++) square += way[r] * way[r];
-  for (int r = 0; r < 3; r++) n[r] = way[r] / sqrtf(square);
+V_INLINE vm is_thin(vi word) {
+  const vi faces = v_sra(word, 12);
+  return v_lt(v_set(0), v_float(v_andi(v_andi(faces, v_sra(faces, 1)), v_seti(0x15))));
 }
 
-/* The normal of a splat seen at a pixel: of a sheet's two sides the eye's, and across a line what is nearest to the
- * eye. */
-V_INLINE void normal_of(const tc_splat_args *g, const tc_splat_entry *e, uint32_t splat, float x, float y, float n[3]) {
-  const uint32_t word = e->of->words[splat], what = e->of->insets[splat] >> 6;
-  float eye[3], square = 0, away = 0;
-  tc_octahedron_unfold(word >> 18 & 127, word >> 25, 63, n);
-  if (!is_thin(word)) return;
-  if (what == TC_SPLAT_LINE || what == TC_SPLAT_END) line_direction(g, n);
+/* Zero stays zero. */
+V_INLINE void normalise(vf n[3]) {
+  const vf square = v_fma(n[2], n[2], v_fma(n[1], n[1], n[0] * n[0]));
+  const vf scale = v_select(v_lt(v_set(0), square), v_set(1) / v_sqrt(v_max(square, v_set(1e-30f))), v_set(0));
+  for (int k = 0; k < 3; k++) n[k] = n[k] * scale;
+}
+
+/* A line's direction, of what stands in a normal's place: a covector, as normals are. */
+V_INLINE void line_direction(const tc_splat_args *g, const vf n[3], vf way[3]) {
+  const vf zero = v_set(0);
+  way[0] = way[1] = way[2] = zero;
   for (int k = 0; k < 3; k++) {
-    eye[k] = -(g->direction0[k] + x * g->direction_du[k] + y * g->direction_dv[k]);
-    away -= n[k] * eye[k];
+    const float *m = g->covariant[k];
+    const vf index = v_fma(n[2], v_set(m[2]), v_fma(n[1], v_set(m[1]), n[0] * v_set(m[0])));
+    for (int r = 0; r < 3; r++) way[r] = v_fma(index, v_set(m[r]), way[r]);
   }
+  normalise(way);
+}
+
+/* A batch's normals towards the eye, and the directions of its lines. */
+typedef struct facing {
+  float normal[3][V_LANES], way[3][V_LANES];
+} facing;
+
+/* Of thin splats: of a sheet's two sides the eye's, and across a line what is nearest to the eye. */
+V_INLINE void turn_to_eye(const tc_splat_args *g, const batch *b, const tc_splat_tile *t, vm thin, vf n[3], facing *f) {
+  const vf zero = v_set(0), one = v_set(1), what = v_float(v_sra(v_load_bytes(b->entry->of->insets + b->first), 6));
+  const vf x = v_load(b->x) + v_set((float)t->x0), y = v_load(b->y) + v_set((float)t->y0);
+  const vm sheet = v_lt(what, one), dot = v_lt(v_set(2), what);
+  vf way[3], eye[3], away = zero, turned[3];
+  line_direction(g, n, way);
   for (int k = 0; k < 3; k++) {
-    if (what != TC_SPLAT_SHEET)
-      n[k] = what == TC_SPLAT_DOT ? eye[k] : eye[k] + away * n[k];
-    else if (away > 0)
-      n[k] = -n[k];
-    square += n[k] * n[k];
+    eye[k] = zero - v_fma(y, v_set(g->direction_dv[k]), v_fma(x, v_set(g->direction_du[k]), v_set(g->direction0[k])));
+    v_store(f->way[k], way[k]);
+    way[k] = v_select(sheet, n[k], v_select(dot, zero, way[k]));
+    away = v_fnma(way[k], eye[k], away);
   }
-  for (int k = 0; k < 3; k++) n[k] *= square > 0 ? 1 / sqrtf(square) : 0;
+  const vf side = v_select(v_lt(zero, away), zero - one, one);
+  for (int k = 0; k < 3; k++) turned[k] = v_select(sheet, n[k] * side, v_fma(away, way[k], eye[k]));
+  normalise(turned);
+  for (int k = 0; k < 3; k++) n[k] = v_select(thin, turned[k], n[k]);
+}
+
+/* Zero: none. */
+V_INLINE void face(const tc_splat_args *g, const batch *b, const tc_splat_tile *t, facing *f) {
+  vf n[3];
+  const vi word = v_bits(v_load((const float *)(const void *)(b->entry->of->words + b->first)));
+  const vm thin = is_thin(word), none = v_eq(v_float(v_andi(v_sra(word, 25), v_seti(127))), v_set(127));
+  unfold(word, n);
+  if (m_any(thin)) turn_to_eye(g, b, t, thin, n, f);
+  for (int k = 0; k < 3; k++) v_store(f->normal[k], v_select(none, v_set(0), n[k]));
 }
 
 #include "renderer/splat/round_tmpl.h"
@@ -353,67 +398,58 @@ typedef struct matter {
   int of[6];
 } matter;
 
-V_INLINE void look_up(const tc_splat_args *g, const batch *b, int i, const float normal[3][V_LANES],
-                      const tc_splat_tile *t, matter *to) {
-  const tc_splat_entry *e = b->entry;
+V_INLINE void look_up(const tc_splat_args *g, const batch *b, int i, const facing *f, matter *to) {
   const uint32_t splat = b->first + (uint32_t)i;
   float rgbk[4];
-  for (int k = 0; k < 3; k++) to->of[k] = (int)normal[k][i];
-  if (is_thin(e->of->words[splat])) {
-    float *n = to->rounding.front;
-    normal_of(g, e, splat, b->x[i] + (float)t->x0, b->y[i] + (float)t->y0, n);
-    for (int k = 0; k < 3; k++) to->of[k] = (int)lrintf(n[k] * 127.f);
-    to->round = is_round(g, b, i, &to->rounding);
-  }
+  for (int k = 0; k < 3; k++) to->of[k] = (int)lrintf(f->normal[k][i] * 127.f);
+  to->round = g->move > 0 && is_round(g, b, i, f, &to->rounding);
   if (!g->matter.of) return;
-  look_at_voxel(g, e, splat, rgbk);
+  look_at_voxel(g, b->entry, splat, rgbk);
   for (int k = 0; k < 3; k++) to->of[3 + k] = (int)lrintf(rgbk[k] * 255);
 }
 
+/* Adds matter with `weight` to the pixels of the tile from p on; dx, dy: from the splat's place. */
+V_INLINE void add_weighted(const tc_splat_args *g, const matter *m, vi weight, vf dx, vf dy, float *p) {
+  vi n[3];
+  add_to(p, weight);
+  if (m->round)
+    round_normal(&m->rounding, dx, dy, n);
+  else
+    for (int k = 0; k < 3; k++) n[k] = v_seti(m->of[k]);
+  for (int k = 0; k < 3; k++) add_to(p + (TC_SUM_NORMAL + k) * TC_TILE_PLANE, v_muli(weight, n[k]));
+  for (int k = 0; k < 3 && g->matter.of; k++) add_to(p + (TC_SUM_COLOR + k) * TC_TILE_PLANE, v_muli(weight, v_seti(m->of[3 + k])));
+}
+
 /* With culling, attributes are looked up once a pixel shows the splat. */
-V_INLINE void add_footprint(const tc_splat_args *g, const batch *b, int i, const float normal[3][V_LANES],
-                            tc_splat_tile *t) {
+V_INLINE void add_footprint(const tc_splat_args *g, const batch *b, int i, const facing *f, tc_splat_tile *t) {
   const reach r = reach_of(b->box, i);
-  const vf z = v_set(b->z[i] - g->window_mm), inverse = v_set(1 / g->window_mm), middle = v_set(b->z[i]) * inverse, open = v_set(g->open);
-  vi flat[3] = {v_seti(0), v_seti(0), v_seti(0)};
-  matter m = {0};
+  const vf z = v_set(b->z[i] - g->window_mm), inverse = v_set(1 / g->window_mm), middle = v_set(b->z[i]) * inverse,
+           open = v_set(g->open);
+  matter m;
   bool looked = false;
-  for (int y = r.y0; y <= r.y1; y++)
-    for (int x = r.x0; x <= r.x1; x += V_LANES) {
-      const int p = y * TC_TILE_STRIDE + x;
-      vf q = distances(b, i, (float)x, (float)y + 0.5f - b->y[i]), before = v_load(t->depth + p);
-      const vm bare = v_le(v_set(INFINITY), before);
-      const vf apart = v_fnma(before, inverse, middle), square = apart * apart;
-      q = v_select(bare, q * open, v_fma(square, square, q));
-      vm seen = m_and(v_lt(q, v_set(1)), v_lt(z, before));
+  for (int x = r.x0; x <= r.x1; x += V_LANES) {
+    const columns c = columns_of(b, i, x);
+    int p = r.y0 * TC_TILE_STRIDE + x;
+    vf dy = first_dy(b, i, r.y0);
+    for (int y = r.y0; y <= r.y1; y++, p += TC_TILE_STRIDE, dy = dy + v_set(1)) {
+      const vf before = v_load(t->depth + p), apart = v_fnma(before, inverse, middle), square = apart * apart;
+      vf q = distances(&c, dy);
+      q = v_select(v_le(v_set(INFINITY), before), q * open, v_fma(square, square, q));
+      const vm seen = m_and(v_lt(q, v_set(1)), v_lt(z, before));
       if (g->culling && !m_any(seen)) continue;
-      if (!looked) {
-        look_up(g, b, i, normal, t, &m), looked = true, t->drawn++;
-        for (int k = 0; k < 3; k++) flat[k] = v_seti(m.of[k]);
-      }
+      if (!looked) look_up(g, b, i, f, &m), looked = true, t->drawn++;
       q = v_select(seen, v_max(q, v_set(0)), v_set(1));
-      vi weight = v_bytes(g->weights, v_trunc(q * v_set(TC_WEIGHT_STEPS)));
-      add_to(t->sums[TC_SUM_WEIGHT] + p, weight);
-      if (m.round) {
-        vi n[3];
-        round_normal(&m.rounding, v_load(lane_numbers) + v_set((float)x + 0.5f - b->x[i]), v_set((float)y + 0.5f - b->y[i]), n);
-        for (int k = 0; k < 3; k++) add_to(t->sums[TC_SUM_NORMAL + k] + p, v_muli(weight, n[k]));
-      } else {
-        for (int k = 0; k < 3; k++) add_to(t->sums[TC_SUM_NORMAL + k] + p, v_muli(weight, flat[k]));
-      }
-      for (int k = 3; k < 6 && g->matter.of; k++) add_to(t->sums[TC_SUM_NORMAL + k] + p, v_muli(weight, v_seti(m.of[k])));
+      add_weighted(g, &m, v_bytes(g->weights, v_trunc(q * v_set(TC_WEIGHT_STEPS))), c.dx, dy, t->sums[0] + p);
     }
+  }
 }
 
 /* Lanes `left`. */
 static void color(const tc_splat_args *g, const batch *b, unsigned left, tc_splat_tile *t) {
-  vf normal[3];
-  float normals[3][V_LANES];
+  facing f;
   if (!left) return;
-  unfold(v_bits(v_load((const float *)(const void *)(b->entry->of->words + b->first))), normal);
-  const vf whole = v_set(12582912); /* 1.5 * 2^23: sums with it are whole */
-  for (int k = 0; k < 3; k++) v_store(normals[k], normal[k] * v_set(127) + whole - whole);
-  for (; left; left &= left - 1) add_footprint(g, b, __builtin_ctz(left), normals, t);
+  face(g, b, t, &f);
+  for (; left; left &= left - 1) add_footprint(g, b, __builtin_ctz(left), &f, t);
 }
 
 #define AHEAD 4 /* batches between fetching voxels' values into the cache and their use; a power of two */
@@ -504,16 +540,19 @@ V_INLINE float mass_of(const tc_splat_args *g, const batch *b, int i, const tc_s
 V_INLINE void add_matter(const tc_splat_args *g, const batch *b, int i, const reach *r, const float rgbk[4],
                          tc_splat_tile *t) {
   const float depth = mass_of(g, b, i, t) * rgbk[3];
-  for (int y = r->y0; y <= r->y1; y++)
-    for (int x = r->x0; x <= r->x1; x += V_LANES) {
-      const int p = y * TC_TILE_STRIDE + x;
-      vf q = v_min(v_max(distances(b, i, (float)x, (float)y + 0.5f - b->y[i]), v_set(0)), v_set(1));
-      vf weight = v_float(v_bytes(g->weights, v_trunc(q * v_set(TC_WEIGHT_STEPS)))) * v_set(depth);
+  for (int x = r->x0; x <= r->x1; x += V_LANES) {
+    const columns c = columns_of(b, i, x);
+    int p = r->y0 * TC_TILE_STRIDE + x;
+    vf dy = first_dy(b, i, r->y0);
+    for (int y = r->y0; y <= r->y1; y++, p += TC_TILE_STRIDE, dy = dy + v_set(1)) {
+      const vf q = v_min(v_max(distances(&c, dy), v_set(0)), v_set(1));
+      const vf weight = v_float(v_bytes(g->weights, v_trunc(q * v_set(TC_WEIGHT_STEPS)))) * v_set(depth);
       for (int k = 0; k < 4; k++) {
         float *to = t->sums[k] + p;
         v_store(to, v_fma(weight, v_set(k ? rgbk[k - 1] : 1), v_load(to)));
       }
     }
+  }
   t->touched[0] = r->x0 < t->touched[0] ? r->x0 : t->touched[0];
   t->touched[1] = r->y0 < t->touched[1] ? r->y0 : t->touched[1];
   t->touched[2] = r->x1 > t->touched[2] ? r->x1 : t->touched[2];
@@ -527,20 +566,19 @@ V_INLINE vm in_sheet(const tc_splat_entry *e, uint32_t first, int axis, int at) 
 }
 
 /* Colours and extinctions of a batch's voxels that are `here`, lit where they have normals. */
-static void look_up_matter(const tc_splat_args *g, const tc_splat_entry *e, uint32_t first, const batch *b,
-                           const float *here, const tc_splat_tile *t, float rgbk[V_LANES][4]) {
-  float n[3][V_LANES] = {0}, c[3][V_LANES] = {0};
+static void look_up_matter(const tc_splat_args *g, const batch *b, const float *here, const tc_splat_tile *t,
+                           float rgbk[V_LANES][4]) {
+  float c[3][V_LANES] = {0};
+  facing f;
   for (int i = 0; i < V_LANES; i++) {
-    float one[3] = {0};
     rgbk[i][3] = 0;
     if (!(b->alive >> i & 1) || !(here[i] > 0) || b->z[i] == INFINITY) continue;
-    look_at_voxel(g, e, first + (uint32_t)i, rgbk[i]);
-    if (e->of->words[first + (uint32_t)i] >> 25 != 127)
-      normal_of(g, e, first + (uint32_t)i, b->x[i] + (float)t->x0, b->y[i] + (float)t->y0, one);
-    for (int k = 0; k < 3; k++) n[k][i] = one[k], c[k][i] = rgbk[i][k];
+    look_at_voxel(g, b->entry, b->first + (uint32_t)i, rgbk[i]);
+    for (int k = 0; k < 3; k++) c[k][i] = rgbk[i][k];
   }
   if (!g->shaded) return;
-  const vf normal[3] = {v_load(n[0]), v_load(n[1]), v_load(n[2])};
+  face(g, b, t, &f);
+  const vf normal[3] = {v_load(f.normal[0]), v_load(f.normal[1]), v_load(f.normal[2])};
   const lighting l = lighting_at(v_load(b->x) + v_set((float)t->x0), v_load(b->y) + v_set((float)t->y0), g->direction0,
                                  g->direction_du, g->direction_dv, g->shade.light);
   const vf4 lit = shade(&g->shade, &l, normal, normal, (vf4){v_load(c[0]), v_load(c[1]), v_load(c[2]), v_set(1)});
@@ -558,7 +596,7 @@ static void put_sheet(const tc_splat_args *g, const tc_splat_entry *e, int axis,
     vm wanted = in_sheet(e, first, axis, at);
     if (!m_any(wanted) || !project(g, e, t, first, &b)) continue;
     v_store(here, v_select(wanted, v_set(1), v_set(0)));
-    look_up_matter(g, e, first, &b, here, t, rgbk);
+    look_up_matter(g, &b, here, t, rgbk);
     for (int i = 0; i < V_LANES; i++) {
       if (!(rgbk[i][3] > 0)) continue;
       const reach r = reach_of(b.box, i);
