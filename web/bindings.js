@@ -34,8 +34,8 @@ export const TABLE = [
     rows: [
       row('orbit', 'Turn', ['Left drag', 'One finger'], { in: SOLID }),
       row('roll', 'Roll', ['Alt+Left drag', 'Twist'], { in: SOLID }),
-      row('roll-volume', 'Roll', ['Ctrl+Left drag'], { does: 'roll', in: ['volume'] }),
-      row('window', 'Window centre and width', ['Ctrl+Left drag'], { in: GREY }),
+      row('roll-volume', 'Roll, except in projections', ['Ctrl+Left drag'], { does: 'roll', in: ['volume'] }),
+      row('window', 'Window centre and width, in projections', ['Ctrl+Left drag'], { in: GREY }),
       row('wheel-zoom', 'Zoom', ['Wheel'], { does: 'zoom', in: SOLID }),
     ],
   },

@@ -68,7 +68,7 @@ export class Lights {
   }
 
   #slider(label, min, max, changed) {
-    const slider = element('input', { type: 'range', min, max, step: (max - min) / 360, ariaLabel: label });
+    const slider = element('input', { type: 'range', min, max, step: (max - min) / 360, ariaLabel: label, title: label });
     slider.addEventListener('input', () => changed());
     bindGesture(slider, this.#gesture);
     return slider;

@@ -100,7 +100,7 @@ export class Surfaces {
   }
 
   #slider(i, member, [min, max], label) {
-    const slider = element('input', { type: 'range', min, max, step: (max - min) / 1000, ariaLabel: label });
+    const slider = element('input', { type: 'range', min, max, step: (max - min) / 1000, ariaLabel: label, title: label });
     slider.addEventListener('input', () => this.#change(i, { [member]: Number(slider.value) }));
     bindGesture(slider, this.#gesture);
     return slider;

@@ -206,13 +206,15 @@ export class TransferEditor {
       .filter((_, i) => edges[i + 1] > this.#range[0] && edges[i] < this.#range[1])
       .sort((a, b) => b - a);
     const most = size(this.#log ? shown[0] || 1 : shown[Math.min(2, shown.length - 1)] || 1);
-    let path = `M${x} ${y + height}`;
+    let path = '';
     counts.forEach((count, i) => {
       if (edges[i + 1] < this.#range[0] || edges[i] > this.#range[1]) return;
       const top = y + height * (1 - Math.min(1, size(count) / most) * 0.96);
-      path += `L${this.#x(edges[i]).toFixed(1)} ${top.toFixed(1)}H${this.#x(edges[i + 1]).toFixed(1)}`;
+      const left = this.#x(edges[i]).toFixed(1);
+      if (!path) path = `M${left} ${y + height}`; // the axis may begin before the values do
+      path += `L${left} ${top.toFixed(1)}H${this.#x(edges[i + 1]).toFixed(1)}`;
     });
-    this.#parts.histogram.setAttribute('d', `${path}V${y + height}Z`);
+    this.#parts.histogram.setAttribute('d', path && `${path}V${y + height}Z`);
     this.#drawAxis();
   }
 

@@ -340,7 +340,7 @@ static bool parse(bench *b, int argc, char **argv, GError **error) {
       {"paper", 0, 0, G_OPTION_ARG_FILENAME, &a->paper,
        "the tables of paper 000, 001, 003 or 004 instead, beside the published", "ID"},
       {"objects", 0, 0, G_OPTION_ARG_NONE, &a->objects,
-       "splats, ray-cast isosurfaces and meshes of the same objects instead, and which the plan calls the faster",
+       "compare splats, ray-cast isosurface and mesh of the same objects, and what the plan suggests",
        NULL},
       {"json", 0, 0, G_OPTION_ARG_FILENAME, &a->json, "write all figures as JSON; - is stdout", "FILE"},
       {0}};

@@ -46,7 +46,10 @@ static bool io_error(GError **error, const char *what, const char *path) {
 
 static void show_progress(const report *r, const char *scene, double part) {
   enum { WIDTH = 24 };
-  if (!isatty(2)) return;
+  if (!isatty(2)) { /* a log: one line a scene */
+    if (part == 0) fprintf(stderr, "%d of %d: %s\n", r->scene + 1, r->n_scenes + 1, scene);
+    return;
+  }
   double share = (r->scene + part) / r->n_scenes, seconds = (tcs_now_ms() - r->start_ms) / 1e3;
   int full = (int)(share * WIDTH), left = share > 0 ? (int)(seconds * (1 - share) / share + 0.5) : 0;
   fprintf(stderr, "\r\033[K[%.*s%.*s] %3.0f %%  %s  %.1f settings/s  %d:%02d left ", full, "########################",
@@ -405,7 +408,7 @@ static bool parse(report *r, int argc, char **argv, GError **error) {
   const GOptionEntry entries[] = {
       {"output", 0, 0, G_OPTION_ARG_FILENAME, &r->output, "folder for the report; goes on where an earlier run ended",
        "DIR"},
-      {"quick", 0, 0, G_OPTION_ARG_NONE, &r->quick, "fewer settings and smaller pictures: under a minute", NULL},
+      {"quick", 0, 0, G_OPTION_ARG_NONE, &r->quick, "fewer settings and smaller pictures: some minutes on two cores", NULL},
       {"volume", 0, 0, G_OPTION_ARG_FILENAME, &r->volume, "this volume instead of the built-in scenes", "V"},
       {"scene", 0, 0, G_OPTION_ARG_FILENAME, &r->document, "scene document for --volume", "S"},
       {"size", 0, 0, G_OPTION_ARG_INT, &o->size, "width and height of timed pictures (512; quick 192)", "PIXELS"},
@@ -415,7 +418,7 @@ static bool parse(report *r, int argc, char **argv, GError **error) {
       {"no-gl", 0, 0, G_OPTION_ARG_NONE, &r->no_gl, "leave the gl back end out", NULL},
       {0}};
   const tcs_cli_usage usage = {
-      "report", "", "Measures error against run time over scenes and settings: JSON, CSV and a page.", entries};
+      "report", "--output DIR", "Measures error against run time over scenes and settings: JSON, CSV and a page.", entries};
   r->exit_code = TCS_EXIT_USAGE;
   if (!tcs_cli_parse(&usage, argc, argv, &r->rest, error)) return false;
   o->quick = r->quick, o->gl = !r->no_gl;

@@ -164,7 +164,7 @@ int tcs_cli_info(int argc, char **argv) {
   GError *error = NULL;
   const GOptionEntry entries[] = {
       {"json", 0, 0, G_OPTION_ARG_NONE, &json, "as JSON", NULL},
-      {"patient", 0, 0, G_OPTION_ARG_NONE, &patient, "with whose series they are, and of which day", NULL},
+      {"patient", 0, 0, G_OPTION_ARG_NONE, &patient, "also whose series each is, and of which day", NULL},
       {0}};
   const tcs_cli_usage usage = {
       "info", "VOLUME", "Says what a volume file, folder or demo:NAME, a mesh (.ply, .stl, .obj) or a .vmd holds.",

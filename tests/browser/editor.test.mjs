@@ -76,6 +76,17 @@ describe('transfer-function editor', { skip }, () => {
     await within();
   });
 
+  test('the histogram ends where the values do, with upright sides', async () => {
+    await page.click('#axis-all');
+    const [low, high] = await axis();
+    await page.fill('#axis-low', String(low - (high - low) * 0.1));
+    await page.keyboard.press('Enter');
+    assert.ok((await axis())[0] < low, 'the axis begins before the values');
+    const path = await page.getAttribute('.transfer .histogram', 'd');
+    const [, left, first] = /^M(\S+) \S+L(\S+) /.exec(path);
+    assert.equal(left, first);
+  });
+
   test('two fingers zoom the axis and keep their values', async () => {
     await page.click('#axis-all');
     const session = await page.context().newCDPSession(page);

@@ -392,7 +392,7 @@ describe('a daemon with tokens', () => {
     await d.delete(json.links.self);
     await d.call('DELETE', '/v1/volumes/Mustermann.Erika');
     await d.get('/v1/volumes', nobody);
-    const lines = await logged(d, new RegExp(`audit.session.end session=${json.id.slice(0, 8)}[^]*audit.refused who=- role=none why=token`));
+    const lines = await d.logged(new RegExp(`audit.session.end session=${json.id.slice(0, 8)}[^]*audit.refused who=- role=none why=token`));
     const [, volume] = [...lines.matchAll(/audit\.volume\.load who=ann role=edit volume=([0-9a-f]{8})\n/g)].at(-1);
     assert.ok(lines.includes(`audit.session.create who=ann role=edit session=${json.id.slice(0, 8)} volume=${volume}\n`));
     assert.ok(lines.includes(`audit.session.delete who=ann role=edit session=${json.id.slice(0, 8)}\n`));
@@ -405,13 +405,6 @@ describe('a daemon with tokens', () => {
     assert.ok(!lines.includes(json.id), 'not the whole id, which opens the session');
   });
 });
-
-/** What is on stderr once it matches. */
-async function logged(d, wanted) {
-  for (let i = 0; i < 200 && !wanted.test(d.stderr); i++) await sleep(25);
-  assert.match(d.stderr, wanted);
-  return d.stderr;
-}
 
 test('the audit file holds what the log may leave out, for its owner only', async () => {
   const file = join(mkdtempSync(join(tmpdir(), 'tomocast-audit-')), 'audit');
@@ -456,7 +449,7 @@ describe('nobody is let in by oversight', () => {
   test('everybody is let in where that is said aloud', async () => {
     const d = await start(['--insecure-no-auth']);
     assert.equal((await d.get('/v1/volumes')).status, 200);
-    await logged(d, /serve\.open/);
+    await d.logged(/serve\.open/);
     await d.stop();
   });
 });

@@ -19,11 +19,6 @@ async function withTokens(text, options = {}) {
   return { d, file };
 }
 
-async function logged(d, wanted) {
-  for (let i = 0; i < 400 && !wanted.test(d.stderr); i++) await sleep(25);
-  assert.match(d.stderr, wanted);
-}
-
 /** A stream by a ticket of its own. */
 async function stream(d, session, name) {
   const { json } = await d.post('/v1/tickets', {}, as(name));
@@ -45,7 +40,7 @@ test('SIGHUP reads the tokens again: who is no more in the file is out, the othe
 
   writeFileSync(file, line('root', 'view') + line('bob', 'edit') + line('carl', 'edit'));
   d.process.kill('SIGHUP');
-  await logged(d, /tokens\.renewed count=3/);
+  await d.logged(/tokens\.renewed count=3/);
   problem(await d.get('/v1/volumes', as('ann')), 401);
   problem(await d.get(`${bobs.links.frame}?ticket=${ticket}`, { headers: { authorization: '' } }), 401);
   assert.equal((await d.get('/v1/volumes', as('carl'))).status, 200);
@@ -80,7 +75,7 @@ test('who may only look from now on keeps no session, and no link that edits', a
   assert.deepEqual([(await change(anns, links[0])).status, (await change(bobs, links[1])).status], [200, 200]);
   writeFileSync(file, line('root', 'edit') + line('ann', 'view') + line('bob', 'edit'));
   d.process.kill('SIGHUP');
-  await logged(d, /tokens\.renewed count=3/);
+  await d.logged(/tokens\.renewed count=3/);
   ofRoot.patch(1, { mode: 'mpr' });
   problem(await change(anns, links[0]), 404);
   assert.equal((await change(bobs, links[1])).status, 200, 'he may still edit');
@@ -93,8 +88,7 @@ test('the metrics are for admins, and for everybody where they have a place of t
   const { d } = await withTokens(line('root', 'admin') + line('ann', 'edit'), { args: ['--metrics-listen', '127.0.0.1:0'] });
   problem(await d.get('/metrics', as('ann')), 403);
   assert.equal((await d.get('/metrics')).status, 200);
-  await logged(d, /serve\.metrics address=\S+/);
-  const base = `http://${/serve\.metrics address=(\S+)/.exec(d.stderr)[1]}`;
+  const base = `http://${/serve\.metrics address=(\S+)/.exec(await d.logged(/serve\.metrics address=\S+/))[1]}`;
   const open = await fetch(`${base}/metrics`);
   assert.equal(open.status, 200);
   assert.match(await open.text(), /tomocast_memory_bytes\{kind="program"\} \d/);
@@ -128,6 +122,6 @@ test('who guesses tokens waits, longer each time, and nobody else does', async (
   await sleep(1000 * reply.after + 50);
   assert.equal((await here('late')).status, 401, 'then one is looked at');
   assert.equal((await here('later')).status, 429, 'and the next waits again');
-  await logged(d, /audit\.refused who=- role=none why=tries/);
+  await d.logged(/audit\.refused who=- role=none why=tries/);
   await d.stop();
 });

@@ -149,7 +149,7 @@ test('the spool is bounded in bytes', async () => {
 
 test('a spool folder that is not there is warned of at start, and named when an upload fails', async () => {
   const d = await Daemon.start({ ball: false, config: `[server]\nspool=/nowhere/spool\n` });
-  assert.match(d.stderr, /spool\.unusable text="uploads fail until the spool folder can be written" folder=\/nowhere\/spool reason="No such file/);
+  await d.logged(/spool\.unusable text="uploads fail until the spool folder can be written" folder=\/nowhere\/spool reason="No such file/);
   const { detail } = problem(await upload(d, 'a', ballNrrd(8)), 500);
   assert.match(detail, /the spool folder takes no file: No such file/);
   assert.doesNotMatch(detail, /nowhere/);

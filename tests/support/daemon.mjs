@@ -95,6 +95,13 @@ export class Daemon {
     });
   }
 
+  /** What is on stderr once it matches: a line may come after the reply that it is about. */
+  async logged(wanted) {
+    for (const end = Date.now() + PATIENCE_MS; !wanted.test(this.stderr) && Date.now() < end;) await sleep(20);
+    assert.match(this.stderr, wanted);
+    return this.stderr;
+  }
+
   async resident(id) {
     for (const end = Date.now() + PATIENCE_MS; Date.now() < end; await sleep(20)) {
       const { json } = await this.get(`/v1/volumes/${id}`);
