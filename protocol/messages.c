@@ -164,6 +164,12 @@ static cJSON *surface_error(const tcp_surface_error *e) {
   return object;
 }
 
+static cJSON *surface_errors(const tcp_surface_error *of, int n) {
+  cJSON *each = cJSON_CreateArray();
+  for (int i = 0; i < n; i++) cJSON_AddItemToArray(each, surface_error(&of[i]));
+  return each;
+}
+
 cJSON *tcp_measured_error(const tcp_frame_header *header) {
   cJSON *object = cJSON_CreateObject();
   tcp_add(object, "rms", cJSON_CreateNumber(header->rms));
@@ -173,9 +179,8 @@ cJSON *tcp_measured_error(const tcp_frame_header *header) {
   tcp_add(object, "pixels", cJSON_CreateNumber(header->pixels));
   if (!header->depth.both && !header->depth.one) return object;
   add_depths(object, &header->depth);
-  cJSON *each = cJSON_CreateArray();
-  for (int i = 0; i < header->n_surfaces; i++) cJSON_AddItemToArray(each, surface_error(&header->surfaces[i]));
-  tcp_add(object, "surfaces", each);
+  tcp_add(object, "surfaces", surface_errors(header->surfaces, header->n_surfaces));
+  if (header->n_layers) tcp_add(object, "layers", surface_errors(header->layers, header->n_layers));
   return object;
 }
 

@@ -113,7 +113,7 @@ typedef struct tcp_surface_error {
   double rms, p99, max; /* mm of depth, where both have it */
   double outline;      /* `one` as a share of the pixels measured */
 } tcp_surface_error;
-enum { TCP_MOST_SURFACES = 32 };
+enum { TCP_MOST_SURFACES = 32, TCP_MOST_LAYERS = 4 };
 
 typedef struct tcp_frame_header {
   uint64_t frame, seq;
@@ -129,13 +129,15 @@ typedef struct tcp_frame_header {
   int pixels;
   tcp_surface_error depth, surfaces[TCP_MOST_SURFACES]; /* of all surfaces; of each surface that rays hit */
   int n_surfaces;
+  tcp_surface_error layers[TCP_MOST_LAYERS]; /* of the first surfaces along rays, in order */
+  int n_layers;
   const char *volume;     /* id of the volume shown; or NULL */
   const char *unmeasured; /* why the requested meter cannot measure this picture; or NULL */
   const char *scene;      /* JSON text of tcp_scene_write_shown() of the scene shown; or NULL */
   uint64_t others;        /* changes of the scene by others so far; only with `scene` */
 } tcp_frame_header;
 /* {"rms","low","high","max","pixels"} of a header with an error; with surfaces also "depthRms","depthP99","depthMax",
- * "outline", and the same for each of "surfaces". */
+ * "outline", and the same for each of "surfaces" and "layers". */
 cJSON *tcp_measured_error(const tcp_frame_header *header);
 /* 4-byte little-endian length and JSON text, g_malloc'ed, *size bytes; followed by the image on the wire. */
 uint8_t *tcp_frame_header_write(const tcp_frame_header *header, size_t *size);

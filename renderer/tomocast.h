@@ -68,6 +68,8 @@ typedef struct tc_frame_stats {
   bool stand_in; /* the cpu back end drew in place of the gl back end: this time does not predict the next frame's */
 } tc_frame_stats;
 
+enum { TC_FRAME_LAYERS = 4 };
+
 /* A finished picture. Zero-initialise before first use; buffers are reused by the next tc_render(). */
 typedef struct tc_frame {
   int width, height;
@@ -77,6 +79,8 @@ typedef struct tc_frame {
   float *depth;      /* [height][width], only on request and in modes isosurface, mesh and splat: mm from the eye to the
                         surface along the pixel's ray (the nearest of several rays), infinite if no ray hits a
                         surface */
+  float (*layers)[TC_FRAME_LAYERS]; /* [height][width], with depth where tc_frame_has_layers() and the cpu back end drew, else
+                        NULL: mm from the eye to the first visible surfaces along the pixel's ray; infinite: no more */
   size_t capacity;   /* pixels allocated in rgba */
   size_t linear_capacity, depth_capacity;
   tc_frame_stats stats;
@@ -87,8 +91,11 @@ typedef struct tc_frame {
 double tc_frame_done(const tc_frame *frame);
 /* Number of the latest consecutive calls for this paused frame that were paused before they made any progress. */
 int tc_frame_fruitless(const tc_frame *frame);
+/* Whether a frame of the scene shows several surfaces in a pixel, some through others, each at one depth: mode mesh with
+ * translucent surfaces and one ray a pixel. */
+bool tc_frame_has_layers(const tc_scene *scene);
 /* Bytes needed to draw a frame of the scene, without the translucent layers of surfaces in a volume. measured: with the
- * linear and depth outputs. */
+ * outputs linear, depth and layers. */
 uint64_t tc_frame_need(const tc_scene *scene, int width, int height, bool measured);
 /* Bytes of the frame's buffers and of the state of a paused frame. */
 uint64_t tc_frame_bytes(const tc_frame *frame);

@@ -45,12 +45,16 @@ const surfaceText = ({ depthRms, depthP99, outline }) =>
     ? ''
     : `; depth ${depthRms.toPrecision(2)} mm, 99 % ${depthP99.toPrecision(2)}, outline ${(100 * outline).toPrecision(2)} %`;
 
-/** A line for all surfaces together and, where there are several, one for each: "surface 2: depth 0.031 mm rms, ..." */
+/**
+ * A line for all surfaces together and, where there are several, one for each: "surface 2: depth 0.031 mm rms, ...", and one for
+ * each that is seen through others: "layer 2: depth ..."
+ */
 export function surfaceLines(error) {
-  const { surfaces = [] } = error;
+  const { surfaces = [], layers = [] } = error;
   const named = ({ label, surface }) => (label ? `label ${label}` : `surface ${surface + 1}`);
   const each = surfaces.length < 2 ? [] : surfaces.map((one) => `${named(one)}: ${depthText(one)} (${one.pixels} px)`);
-  return error.depthP99 === undefined ? [] : [depthText(error), ...each];
+  const behind = layers.slice(1).map((one, i) => `layer ${i + 2}: ${depthText(one)} (${one.pixels} px)`);
+  return error.depthP99 === undefined ? [] : [depthText(error), ...each, ...behind];
 }
 
 export class Status {

@@ -29,6 +29,7 @@ void tc_frame_finish(tc_frame *frame) {
   free(frame->rgba);
   free(frame->linear);
   free(frame->depth);
+  free(frame->layers);
   if (frame->progress) tc_progress_drop(frame->progress);
   if (frame->progress) free(frame->progress->finished);
   free(frame->progress);
@@ -46,13 +47,21 @@ double tc_frame_done(const tc_frame *frame) {
 
 int tc_frame_fruitless(const tc_frame *frame) { return frame->progress ? frame->progress->fruitless : 0; }
 
+bool tc_frame_has_layers(const tc_scene *scene) {
+  bool translucent = false;
+  for (size_t i = 0; i < scene->mesh.n_surfaces; i++)
+    translucent |= tc_mesh_surface_shows(&scene->mesh.surfaces[i]) && scene->mesh.surfaces[i].opacity < 1;
+  return translucent && scene->mode == TC_MODE_MESH && scene->sampling.rays_per_pixel == 1;
+}
+
 uint64_t tc_frame_need(const tc_scene *scene, int width, int height, bool measured) {
-  const uint64_t within = tc_mesh_is_within(scene) ? TC_WITHIN_BYTES : 0;
-  return (uint64_t)width * (uint64_t)height * (4 + (measured ? 20 : 0) + within);
+  const uint64_t within = tc_mesh_is_within(scene) ? TC_WITHIN_BYTES : 0, layers = tc_frame_has_layers(scene) ? 4 * TC_FRAME_LAYERS : 0;
+  return (uint64_t)width * (uint64_t)height * (4 + (measured ? 20 + layers : 0) + within);
 }
 
 uint64_t tc_frame_bytes(const tc_frame *f) {
-  return 4 * f->capacity + 16 * f->linear_capacity + 4 * f->depth_capacity + (f->progress ? f->progress->kept_bytes : 0);
+  const uint64_t layers = f->layers ? (uint64_t)f->width * (uint64_t)f->height * sizeof *f->layers : 0;
+  return 4 * f->capacity + 16 * f->linear_capacity + 4 * f->depth_capacity + layers + (f->progress ? f->progress->kept_bytes : 0);
 }
 
 int64_t tc_frame_position(const tc_frame *frame) {
@@ -99,6 +108,7 @@ bool tc_frame_begin(tc_frame *f, int width, int height, const tc_render_request 
     return false;
   }
   start_over(f->progress, request);
+  g_clear_pointer(&f->layers, free);
   f->width = width;
   f->height = height;
   f->stats = (tc_frame_stats){0};

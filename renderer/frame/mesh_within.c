@@ -5,6 +5,7 @@
  * In mip a part of maximum m adds light m and covers the share m of everything behind it, as far as m exceeds the
  * maximum of earlier parts. Without surfaces the result is the maximum itself; where a ray leaves the volume the
  * picture is black. */
+#include <limits.h>
 #include <math.h>
 #include <pthread.h>
 #include <stdlib.h>
@@ -96,7 +97,7 @@ static bool find_layers(within *w, const tc_mesh_job *mesh, int ray, GError **er
   raster.kernels = tc_raster_kernels_named(w->job->isa);
   raster.n_samples = 1;
   raster.samples = mesh->raster.samples + ray;
-  raster.layered = true;
+  raster.layered = INT_MAX;
   raster.emit = keep_seen, raster.user = w;
   raster.pool = w->pool;
   raster.finished = w->tiles;

@@ -28,6 +28,7 @@ typedef struct worker {
   void *memory;
   tc_raster_seen *seen;       /* only for a layered job */
   size_t n_seen, seen_room;
+  int nth; /* of the pixel seen last, its layers before the last */
   int from, rows;             /* rows of the tile: the first one drawn now, and the end of the finished ones */
   tc_raster_layers layers;    /* first half: in the order found; second half: sorted by pixel */
 } worker;
@@ -318,9 +319,13 @@ static void keep_seen(drawing *d, worker *w) {
     else
       atomic_store(&d->no_memory, true);
   }
-  for (int i = 0; i < f->n && w->n_seen < w->seen_room; i++)
-    w->seen[w->n_seen++] = (tc_raster_seen){f->pixel[i] - w->from * TC_RASTER_SIDE, {f->color[0][i], f->color[1][i], f->color[2][i]},
-                                            surface_of(d, f->id[i] / TC_CLUSTER_TRIANGLES)->opacity, f->depth[i]};
+  for (int i = 0; i < f->n && w->n_seen < w->seen_room; i++) {
+    const int pixel = f->pixel[i] - w->from * TC_RASTER_SIDE;
+    w->nth = w->n_seen && w->seen[w->n_seen - 1].pixel == pixel ? w->nth + 1 : 0;
+    if (w->nth < d->job->layered)
+      w->seen[w->n_seen++] = (tc_raster_seen){pixel, {f->color[0][i], f->color[1][i], f->color[2][i]},
+                                              surface_of(d, f->id[i] / TC_CLUSTER_TRIANGLES)->opacity, f->depth[i]};
+  }
 }
 
 static void shade_fragments(drawing *d, worker *w) {

@@ -92,7 +92,7 @@ typedef struct tc_raster_job {
                                 fragment shaded that is the nearest so far; opaque surfaces and one sample only */
   const tc_ledger *ledger;   /* accounts for the memory of translucent layers; NULL: no bound */
   bool want_depth;           /* fills depth, where a pixel has several samples */
-  bool layered;              /* also emits the visible layers of each pixel (seen); one sample only */
+  int layered;               /* also emits so many visible layers of each pixel (seen), the nearest; one sample only */
   const uint8_t *finished;   /* [tiles], row by row: rows of each tile, from its top, that are already drawn; NULL: none */
   /* Called from any thread of the pool, once for every tile that made progress. Returns false to stop, as the halt does. */
   bool (*emit)(void *user, const tc_raster_picture *picture);

@@ -22,6 +22,12 @@ void tc_depths_exact(const tc_reference *reference, const tc_scene *scene, int x
   }
 }
 
+void tc_depths_exact_layers(const tc_reference *reference, int x, int y, tc_depths layers[TC_FRAME_LAYERS]) {
+  double mm[TC_FRAME_LAYERS];
+  const int n = tc_reference_layers(reference, x + 0.5, y + 0.5, mm, TC_FRAME_LAYERS);
+  for (int i = 0; i < TC_FRAME_LAYERS; i++) layers[i].nearest = i < n ? mm[i] : INFINITY, layers[i].surface = 0, layers[i].label = 0;
+}
+
 /* Error of a pixel in mm; below 0: only one of picture and reference has a surface. */
 static double apart(const tc_depths *p) {
   if (!isfinite(p->drawn) || !isfinite(p->nearest)) return -1;

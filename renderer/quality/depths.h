@@ -5,7 +5,7 @@
 
 #include <stdint.h>
 
-#include "renderer/scene/scene.h"
+#include "renderer/tomocast.h"
 
 typedef struct tc_reference tc_reference;
 
@@ -19,6 +19,10 @@ typedef struct tc_depths {
 
 /* Fills all members but `drawn`; x, y: a pixel of the picture that the reference was made for. Any thread. */
 void tc_depths_exact(const tc_reference *reference, const tc_scene *scene, int x, int y, tc_depths *pixel);
+
+/* The same of the surfaces along the ray of a pixel with one ray, front to back: `nearest` of each (INFINITY: there are fewer);
+ * surface and label are 0. */
+void tc_depths_exact_layers(const tc_reference *reference, int x, int y, tc_depths layers[TC_FRAME_LAYERS]);
 
 typedef struct tc_depth_error {
   int surface;    /* as in tc_depths; 0 for all surfaces together */

@@ -22,10 +22,12 @@
 typedef struct meter_pixel {
   int x, y;
   float rgba[4], depth; /* depth: NaN where the frame has none */
+  float layers[TC_FRAME_LAYERS];
 } meter_pixel;
 
 struct tc_meter {
   int width, height, count;
+  bool layered; /* the frame has layers */
   meter_pixel pixels[];
 };
 
@@ -79,6 +81,7 @@ tc_meter *tc_meter_new(const tc_frame *frame, int count, uint64_t seed) {
   tc_meter *m = malloc(sizeof *m + (size_t)count * sizeof *m->pixels);
   if (!m) return NULL;
   m->width = frame->width, m->height = frame->height, m->count = count;
+  m->layered = frame->depth && frame->layers;
   if (whole)
     pick_all(m);
   else
@@ -86,9 +89,10 @@ tc_meter *tc_meter_new(const tc_frame *frame, int count, uint64_t seed) {
   shuffle(m, &seed);
   for (int i = 0; i < count; i++) {
     meter_pixel *p = &m->pixels[i];
-    const float *from = frame->linear + 4 * ((size_t)p->y * (size_t)frame->width + (size_t)p->x);
-    for (int c = 0; c < 4; c++) p->rgba[c] = from[c];
-    p->depth = frame->depth ? frame->depth[(size_t)p->y * (size_t)frame->width + (size_t)p->x] : NAN;
+    const size_t at = (size_t)p->y * (size_t)frame->width + (size_t)p->x;
+    memcpy(p->rgba, frame->linear + 4 * at, sizeof p->rgba);
+    p->depth = frame->depth ? frame->depth[at] : NAN;
+    if (m->layered) memcpy(p->layers, frame->layers[at], sizeof p->layers);
   }
   return m;
 }
@@ -198,35 +202,61 @@ tc_reference *tc_meter_reference(const tc_meter_subject *of, int width, int heig
   return r;
 }
 
+/* Depths of the pixels measured. */
+typedef struct found {
+  int n;
+  tc_depths *first; /* [n] of the first surface */
+  tc_depths *layers; /* [n][TC_FRAME_LAYERS] */
+} found;
+
+static void add_depths(found *f, const tc_meter *m, const meter_pixel *p, const tc_reference *reference, const tc_scene *scene) {
+  tc_depths *layers = f->layers + f->n * TC_FRAME_LAYERS;
+  f->first[f->n].drawn = (double)p->depth;
+  tc_depths_exact(reference, scene, p->x, p->y, &f->first[f->n++]);
+  if (!m->layered) return;
+  for (int i = 0; i < TC_FRAME_LAYERS; i++) layers[i].drawn = (double)p->layers[i];
+  tc_depths_exact_layers(reference, p->x, p->y, layers);
+}
+
+/* Sorts the depths of the first surface, whose memory then serves each layer. */
+static void compare_depths(const found *f, const tc_meter *m, tc_meter_result *result) {
+  result->n_surfaces = tc_depths_compare(f->first, f->n, &result->depth, result->surfaces, TC_METER_SURFACES);
+  for (int i = 0; i < TC_FRAME_LAYERS && m->layered; i++) {
+    tc_depth_error *layer = &result->layers[i];
+    for (int p = 0; p < f->n; p++) f->first[p] = f->layers[p * TC_FRAME_LAYERS + i];
+    tc_depths_compare(f->first, f->n, layer, NULL, 0);
+    if (layer->both || layer->one) result->n_layers = i + 1;
+  }
+}
+
 bool tc_meter_measure(const tc_meter *meter, const tc_meter_subject *of, double most_ms, tc_meter_result *result,
                       GError **error) {
   double start = tc_now_ms();
+  const size_t count = (size_t)meter->count;
   *result = (tc_meter_result){0};
   tc_reference *reference = tc_meter_reference(of, meter->width, meter->height, error);
-  double *squares = reference ? malloc((size_t)meter->count * sizeof *squares) : NULL;
-  tc_depths *depths = squares ? malloc((size_t)meter->count * sizeof *depths) : NULL;
-  if (reference && !depths) tc_set_error(error, TC_ERROR_MEMORY, NULL, "error meter: out of memory");
+  double *squares = reference ? malloc(count * sizeof *squares) : NULL;
+  found depths = {.first = squares ? malloc(count * (1 + TC_FRAME_LAYERS) * sizeof *depths.first) : NULL};
+  if (reference && !depths.first) tc_set_error(error, TC_ERROR_MEMORY, NULL, "error meter: out of memory");
+  depths.layers = depths.first ? depths.first + count : NULL;
   bool stopped = false;
-  int n = 0, n_depths = 0;
-  while (depths && n < meter->count) {
+  int n = 0;
+  while (depths.first && n < meter->count) {
     const meter_pixel *p = &meter->pixels[n];
     double wanted[4], got[4];
     tc_meter_truth(reference, of->scene, p->x, p->y, 1, wanted);
     for (int c = 0; c < 4; c++) got[c] = (double)p->rgba[c];
     squares[n++] = tc_meter_square(of->scene, got, wanted, &result->max);
-    if (tc_meter_wants_depth(of->scene) && !isnan(p->depth)) {
-      depths[n_depths].drawn = (double)p->depth;
-      tc_depths_exact(reference, of->scene, p->x, p->y, &depths[n_depths++]);
-    }
+    if (tc_meter_wants_depth(of->scene) && !isnan(p->depth)) add_depths(&depths, meter, p, reference, of->scene);
     stopped = of->cancel && atomic_load_explicit(of->cancel, memory_order_relaxed);
     if (stopped || (most_ms > 0 && tc_now_ms() - start > most_ms)) break;
   }
-  if (depths) tc_meter_estimate(squares, n, result);
-  if (n_depths) result->n_surfaces = tc_depths_compare(depths, n_depths, &result->depth, result->surfaces, TC_METER_SURFACES);
+  if (depths.first) tc_meter_estimate(squares, n, result);
+  if (depths.n) compare_depths(&depths, meter, result);
   if (stopped) tc_set_error(error, TC_ERROR_CANCELLED, NULL, "cancelled");
   result->ms = tc_now_ms() - start;
-  bool good = depths && !stopped;
-  free(depths);
+  bool good = depths.first && !stopped;
+  free(depths.first);
   free(squares);
   tc_reference_free(reference);
   return good;

@@ -33,6 +33,9 @@ typedef struct tc_meter_result {
    * the
      volume or of a label's smoothed indicator; a mesh's own triangles). All surfaces together, then one by one. */
   tc_depth_error depth, surfaces[TC_METER_SURFACES];
+  tc_depth_error layers[TC_FRAME_LAYERS]; /* of a frame with layers: those along the rays in order, the first surface, what is
+                                             seen through it, and so on */
+  int n_layers;   /* as many as a measured pixel has in picture or truth */
   int n_surfaces; /* surfaces hit; if more than TC_METER_SURFACES, those with the most pixels */
   double ms;      /* time of the measurement */
 } tc_meter_result;

@@ -84,6 +84,24 @@ size_t tc_ref_find_nearest(const tc_reference *r, const tc_ref_cast *cast, tc_re
   }
 }
 
+int tc_reference_layers(const tc_reference *r, double px, double py, double *distance_mm, int most) {
+  tc_ref_next_hit *next = g_new0(tc_ref_next_hit, r->n_surfaces + 1);
+  tc_ref_cast cast;
+  double clear = 1;
+  int n = 0;
+  tc_ref_cast_pixel(r, px, py, &cast);
+  tc_ref_begin_hits(r, &cast, next);
+  while (n < most && clear * 4096 > 1 && !tc_ref_stopped(r)) {
+    const size_t nearest = tc_ref_find_nearest(r, &cast, next);
+    if (nearest == r->n_surfaces) break;
+    distance_mm[n++] = next[nearest].hit.distance_mm;
+    clear *= 1 - r->surfaces[nearest].opacity;
+    tc_ref_hit_surface(r, &r->surfaces[nearest], &cast, &next[nearest]);
+  }
+  g_free(next);
+  return n;
+}
+
 const tc_ref_surface *tc_ref_hit_nearest(const tc_reference *r, const tc_ref_cast *cast, tc_reference_hit *hit) {
   tc_ref_next_hit *next = g_new0(tc_ref_next_hit, r->n_surfaces + 1);
   tc_ref_begin_hits(r, cast, next);

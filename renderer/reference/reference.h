@@ -84,6 +84,10 @@ typedef struct tc_reference_hit {
 /* False if the ray misses the surface, or the mode is not isosurface. */
 bool tc_reference_surface(const tc_reference *reference, double px, double py, tc_reference_hit *hit);
 
+/* mm from the eye to the surfaces that a ray meets, front to back, as far as more than a 4096th of the light behind is seen
+ * through those before. Returns their number, at most `most`. */
+int tc_reference_layers(const tc_reference *reference, double px, double py, double *distance_mm, int most);
+
 /* The verbose pixel: one entry per smooth piece of a ray, front to back. Within a piece the field is a polynomial
  * that crosses no knot. Transparent pieces are listed too. For an isosurface: the pieces in front of it, then the
  * hit, with length 0 and its colour. */

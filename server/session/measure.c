@@ -54,6 +54,8 @@ static void tell(const tcs_measure *m) {
   header->n_surfaces = MIN(m->result.n_surfaces, TCP_MOST_SURFACES);
   for (int i = 0; i < header->n_surfaces; i++)
     header->surfaces[i] = surface_error(&m->result.surfaces[i], m->scene.mode == TC_MODE_MESH && m->scene.mesh.n_surfaces);
+  header->n_layers = MIN(m->result.n_layers, TCP_MOST_LAYERS);
+  for (int i = 0; i < header->n_layers; i++) header->layers[i] = surface_error(&m->result.layers[i], false);
 }
 
 static void done(tcs_task *task) {

@@ -307,6 +307,93 @@ TEST(each_surface_has_an_error_of_its_own) {
   assert_int_equal(said.depth.both, e[0].both + e[1].both);
 }
 
+/* Where a ray meets two translucent spheres about one centre, front to back; false: it grazes one of them. */
+static bool meet_two(const ray *r, double inner_radius, place met[4], int *n) {
+  double t;
+  const double of[2] = {chord(r, RADIUS, &t), chord(r, inner_radius, &t)};
+  *n = 0;
+  for (int i = 0; i < 2; i++)
+    if (of[i] > -BEND && of[i] < 4 * BEND) return false;
+  for (int i = 0; i < 4; i++) {
+    const double s2 = of[i % 3 != 0], side = i < 2 ? -1 : 1;
+    if (s2 > 0) met[(*n)++] = (place){MET, t + side * sqrt(s2), t + side * sqrt(s2 - side * BEND), t + side * sqrt(s2 + side * BEND)};
+  }
+  return true;
+}
+
+static void look_at_two(tc_scene *scene, double inner) {
+  const tc_mesh_surface list[2] = {{.value = inner * inner, .opacity = 0.3, .visible = true, .two_sided = true},
+                                   {.value = RADIUS * RADIUS, .opacity = 0.5, .visible = true, .two_sided = true}};
+  look_at(scene, TC_ORTHOGRAPHIC, TC_MODE_MESH, 0);
+  tc_scene_set_surfaces(scene, g_memdup2(list, sizeof list), 2);
+}
+
+static float layers[PIXELS][TC_FRAME_LAYERS];
+
+/* Each layer is drawn off by another distance, and some pixels lack the last. */
+TEST(each_layer_is_as_far_off_as_it_is) {
+  enum { INNER = 12 };
+  static const double off[4] = {0.3, -0.6, 0.9, -1.2};
+  g_autoptr(tc_volume) volume = grid_of(squared);
+  g_auto(tc_scene) scene;
+  static expected e[4];
+  tc_frame frame = by_formula;
+  frame.layers = layers;
+  look_at_two(&scene, INNER);
+  for (int p = 0; p < PIXELS; p++) {
+    const ray r = ray_of(&scene.camera, p % SIDE + 0.5, p / SIDE + 0.5);
+    place met[4];
+    int n;
+    depth[p] = NAN;
+    if (!meet_two(&r, INNER, met, &n)) continue;
+    const int drawn = n == 4 && p % 16 == 0 ? 3 : n;
+    for (int i = 0; i < 4; i++) {
+      layers[p][i] = i < drawn ? (float)(met[i].at + off[i]) : INFINITY;
+      if (i < n) expect(&e[i], i < drawn ? met[i].at + off[i] : INFINITY, &met[i]);
+    }
+    depth[p] = layers[p][0];
+  }
+  const tc_meter_result said = measure(&frame, volume, &scene);
+  assert_int_equal(said.n_layers, 4);
+  for (int i = 0; i < 4; i++) assert_says("layer", &said.layers[i], &e[i]);
+  assert_true(e[3].one > 5 && e[2].one == 0 && e[1].both > e[2].both);
+  assert_int_equal(measure(&by_formula, volume, &scene).n_layers, 0);
+}
+
+/* What is drawn has its layers where the formula has them. An opaque surface is the last, and several rays have none. */
+TEST(drawn_layers_are_as_far_off_as_the_formula_says) {
+  enum { INNER = 12 };
+  const tc_render_request request = {.want_linear = true, .want_depth = true};
+  g_autoptr(tc_volume) volume = grid_of(squared);
+  g_auto(tc_scene) scene;
+  look_at_two(&scene, INNER);
+  for (int opaque = 0; opaque < 2; opaque++) {
+    static expected e[4];
+    memset(e, 0, sizeof e);
+    if (opaque) scene.mesh.surfaces[0].opacity = 1;
+    tc_frame *frame = test_draw(test_widest(), volume, &scene, &request, NULL);
+    assert_non_null(frame->layers);
+    for (int p = 0; p < PIXELS; p++) {
+      const ray r = ray_of(&scene.camera, p % SIDE + 0.5, p / SIDE + 0.5);
+      place met[4];
+      int n = 0;
+      if (!meet_two(&r, INNER, met, &n)) frame->depth[p] = NAN;
+      if (isnan(frame->depth[p])) continue;
+      if (opaque && n == 4) n = 2;
+      for (int i = 0; i < 4; i++) {
+        if (i < n) expect(&e[i], (double)frame->layers[p][i], &met[i]);
+        else assert_true(isinf(frame->layers[p][i]));
+      }
+    }
+    const tc_meter_result said = measure(frame, volume, &scene);
+    assert_int_equal(said.n_layers, opaque ? 2 : 4);
+    for (int i = 0; i < said.n_layers; i++) assert_says("layer", &said.layers[i], &e[i]);
+    assert_true(said.n_layers == 2 || (e[2].both > 0 && e[2].both == e[3].both));
+  }
+  scene.sampling.rays_per_pixel = 4;
+  assert_null(test_draw(test_widest(), volume, &scene, &request, NULL)->layers);
+}
+
 /* ---- labels: the truth is computed from the definition, without the extraction's fields and boxes ---- */
 
 static double in_a_box(double x, double y, double z, const void *user) {

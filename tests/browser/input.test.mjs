@@ -57,6 +57,8 @@ test('how far surfaces are off, together and one by one', () => {
   const lines = [all, `surface 2: ${all.replace('0.50', '0.25')} (40 px)`, `label 7: ${all} (4 px)`];
   assert.deepEqual(surfaceLines({ ...depths, surfaces }), lines);
   assert.deepEqual(surfaceLines({ ...depths, surfaces: surfaces.slice(1) }), [all]);
+  const layers = [{ pixels: 50, ...depths }, { pixels: 30, ...depths }];
+  assert.deepEqual(surfaceLines({ ...depths, surfaces, layers }), [...lines, `layer 2: ${all} (30 px)`]);
   assert.deepEqual(surfaceLines(color), []);
 });
 

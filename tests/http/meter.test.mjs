@@ -83,6 +83,9 @@ test('surfaces are measured in depth and outline, each by itself', async () => {
   const each = both.surfaces.toSorted((a, b) => a.surface - b.surface);
   assert.deepEqual(each.map(({ surface }) => surface), [0, 1], JSON.stringify(both));
   assert.ok(each[0].depthP99 > 1 && each[1].depthP99 < 1e-3, JSON.stringify(both)); // a plane is exact
+  assert.ok(both.layers.length > 1 && both.layers[0].depthRms === both.depthRms && !('surface' in both.layers[1]), JSON.stringify(both));
+  assert.ok(both.layers.every(({ pixels }, i) => i === 0 || pixels <= both.layers[i - 1].pixels), JSON.stringify(both));
+  assert.equal(error.layers, undefined); // nothing is seen through an opaque surface
   const labels = (await measure({ labels: { volume: 'ball', force: true } })).surfaces;
   assert.ok(labels.length > 0 && labels.every(({ label, surface }) => label > 0 && surface === undefined), JSON.stringify(labels));
 });
