@@ -65,6 +65,7 @@ typedef struct tc_frame_stats {
   uint64_t leaps;
   uint64_t hidden; /* clusters of a mesh culled by depth, counted once for every tile; gl counts none */
   uint64_t shaded; /* pairs of a pixel and a triangle visible in it */
+  uint64_t looked_at; /* vertices of uploaded meshes, to see whether a mesh is in the view */
   bool stand_in; /* the cpu back end drew in place of the gl back end: this time does not predict the next frame's */
 } tc_frame_stats;
 

@@ -48,6 +48,7 @@ typedef struct tc_frame_job {
   const tc_volume *source; /* the scene's volume */
   const tc_rays *rays;
   tc_resource_set have;
+  bool mesh_in_view;   /* of a plan with a mesh: tc_mesh_in_view() */
   bool outlines_table; /* have.table may be an outline: the back end computes the entries */
   struct tc_mesh *const *meshes; /* as in tc_render_request; NULL: the job is only explained */
   const tc_volume *label_volume; /* the checked volume of scene.labels, or the volume's gaps; read if have.labels is set */

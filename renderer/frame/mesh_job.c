@@ -175,21 +175,24 @@ static int planes_of(const tc_scene *scene, double planes[TC_VIEW_MOST_CLIP][4])
 /* A label's smooth surface reaches beyond the label volume's outer voxels by less than this. */
 #define SMOOTH_REACH 4
 
-/* Whether all points, moved by `by`, are outside the view or clipped, by one plane. Looks no further than it takes. */
-static bool all_outside(const tc_mesh_view *v, const float (*points)[3], size_t n, const double by[3]) {
+/* Whether all points, moved by `by`, are outside the view or clipped, by one plane. Looks no further than it takes; adds the
+ * number of points it looked at to *looked_at. */
+static bool all_outside(const tc_mesh_view *v, const float (*points)[3], size_t n, const double by[3], uint64_t *looked_at) {
   double planes[4 + 1 + TC_VIEW_MOST_CLIP][4];
   unsigned left = 0;
+  size_t i = 0;
   memcpy(planes, v->sides, sizeof v->sides);
   memcpy(planes[4], v->depth, sizeof v->depth), planes[4][3] += v->reference; /* what is behind the eye */
   const int n_planes = 5 + v->n_planes - TC_VIEW_CLIP;
   for (int p = 5; p < n_planes; p++) memcpy(planes[p], v->planes[TC_VIEW_CLIP + p - 5], sizeof planes[p]);
   for (int p = 0; p < n_planes; p++) left |= 1u << p;
-  for (size_t i = 0; i < n && left; i++) {
+  for (; i < n && left; i++) {
     double at[3], size = 0;
     for (int k = 0; k < 3; k++) at[k] = (double)points[i][k] + by[k], size += fabs(at[k]);
     for (int p = 0; p < n_planes; p++)
       if (!(tc_mesh_view_row(planes[p], at) < -1e-6 * size)) left &= ~(1u << p);
   }
+  *looked_at += i;
   return left != 0;
 }
 
@@ -215,8 +218,9 @@ static bool box_in_view(const tc_frame_job *job, const tc_volume *volume, double
   tc_mesh_view view;
   tc_clusters box;
   float corners[8][3];
+  uint64_t looked_at = 0;
   view_box(job, volume, reach, &view, &box, corners);
-  return !all_outside(&view, (const float(*)[3])corners, 8, (const double[3]){0});
+  return !all_outside(&view, (const float(*)[3])corners, 8, (const double[3]){0}, &looked_at);
 }
 
 static bool mesh_in_view(const tc_frame_job *job, const tc_mesh *mesh) {
@@ -224,9 +228,13 @@ static bool mesh_in_view(const tc_frame_job *job, const tc_mesh *mesh) {
   tc_clusters box;
   float corners[8][3];
   double by[3];
+  uint64_t of_box = 0;
   view_box(job, job->source, 0, &view, &box, corners);
   for (int k = 0; k < 3; k++) by[k] = mesh->origin[k] - box.origin[k];
-  return !all_outside(&view, (const float(*)[3])mesh->positions, mesh->n_vertices, by);
+  for (int c = 0; c < 8; c++)
+    for (int k = 0; k < 3; k++) corners[c][k] = c >> k & 1 ? mesh->high[k] : mesh->low[k];
+  if (mesh->boxed && all_outside(&view, (const float(*)[3])corners, 8, by, &of_box)) return false;
+  return !all_outside(&view, (const float(*)[3])mesh->positions, mesh->n_vertices, by, &job->frame->stats.looked_at);
 }
 
 bool tc_mesh_in_view(const tc_frame_job *job) {

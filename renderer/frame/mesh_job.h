@@ -28,7 +28,8 @@ extern unsigned tc_mesh_most_layers;
 size_t tc_mesh_sources(const tc_frame_job *job, tc_mesh_source *of);
 
 /* Whether a surface may be in the picture: false if the box of the volume and of its labels is outside the view or clipped, and
- * so are the vertices of each mesh that the scene shows. */
+ * so is the box, or are the vertices, of each mesh that the scene shows. Counts the vertices it looks at in the frame's stats; once
+ * a frame is enough (job->mesh_in_view). */
 bool tc_mesh_in_view(const tc_frame_job *job);
 
 bool tc_mesh_job_begin(tc_mesh_job *m, const tc_frame_job *job, GError **error); /* TC_ERROR_MEMORY */

@@ -180,6 +180,7 @@ static bool collect_one(drawing *d, tc_resource which, GError **error) {
 
 static bool collect(drawing *d, GError **error) {
   make_plan(d);
+  d->job.mesh_in_view = tc_plan_has(&d->plan, TC_RESOURCE_MESH) && tc_mesh_in_view(&d->job);
   d->facts.empty_share = -1;
   for (int i = 0; i < TC_RESOURCE_COUNT; i++) {
     if (!tc_plan_has(&d->plan, (tc_resource)i)) continue;
@@ -192,7 +193,7 @@ static bool collect(drawing *d, GError **error) {
 static void explain(drawing *d, bool by_stand_in, tc_explanation *to) {
   d->facts.key = d->job.key;
   const tc_clusters *mesh = d->job.have.mesh;
-  d->facts.nothing_in_view = tc_plan_has(&d->plan, TC_RESOURCE_MESH) && !tc_mesh_in_view(&d->job);
+  d->facts.nothing_in_view = tc_plan_has(&d->plan, TC_RESOURCE_MESH) && !d->job.mesh_in_view;
   if (mesh) tc_mesh_count(mesh, &d->plan, d->job.scene, &d->facts);
   d->facts.culls_pixels = d->job.scene->mode == TC_MODE_MESH && !by_stand_in && d->ops != &tc_cpu_backend;
   if (d->stats) d->facts.hidden = d->stats->hidden, d->facts.shaded = d->stats->shaded;

@@ -227,7 +227,7 @@ static void free_surfaces(void *thing) { tc_surfaces_free(thing); }
 
 /* True if the mesh is the surfaces of all visible labels: the scene has labels and no list of surfaces. */
 static bool of_labels(const tc_frame_job *job) {
-  return !job->scene->mesh.n_surfaces && tc_plan_has(job->plan, TC_RESOURCE_LABELS) && tc_mesh_in_view(job);
+  return !job->scene->mesh.n_surfaces && tc_plan_has(job->plan, TC_RESOURCE_LABELS) && job->mesh_in_view;
 }
 
 static const tc_volume *mesh_tied(const tc_frame_job *job) { return of_labels(job) ? job->label_volume : job->source; }
@@ -240,7 +240,7 @@ static void visible_key(const tc_scene *s, GByteArray *key) {
 
 /* Sources of a mesh that is not of labels: the scene's list, or the one isosurface; none if nothing is in the view. */
 static size_t sources_of(const tc_frame_job *job, tc_mesh_source of[TC_MAX_SURFACES]) {
-  if (!tc_mesh_in_view(job)) return 0;
+  if (!job->mesh_in_view) return 0;
   if (job->scene->mesh.n_surfaces) return tc_mesh_sources(job, of);
   of[0] = (tc_mesh_source){.kind = TC_SURFACE_OF_VALUE, .iso = job->scene->isosurface.value,
                            .serial = tc_volume_serial(job->source)};

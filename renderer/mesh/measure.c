@@ -4,7 +4,7 @@
 #include <stdlib.h>
 #include <string.h>
 
-void tc_mesh_measure(const tc_mesh *m, tc_mesh_measures *measures) {
+void tc_mesh_measure(tc_mesh *m, tc_mesh_measures *measures) {
   uint64_t border = 0;
   float low[3], high[3];
   for (int k = 0; k < 3; k++) low[k] = INFINITY, high[k] = -INFINITY;
@@ -19,6 +19,8 @@ void tc_mesh_measure(const tc_mesh *m, tc_mesh_measures *measures) {
     }
   }
   measures->closed = border == 0;
+  m->boxed = m->n_triangles > 0;
+  memcpy(m->low, low, sizeof low), memcpy(m->high, high, sizeof high);
   for (int k = 0; k < 3; k++) {
     measures->low[k] = m->n_triangles ? m->origin[k] + low[k] : 0;
     measures->high[k] = m->n_triangles ? m->origin[k] + high[k] : 0;

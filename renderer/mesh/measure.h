@@ -9,7 +9,8 @@ typedef struct tc_mesh_measures {
   bool closed;            /* every edge has as many triangles on one side of it as on the other: no border */
 } tc_mesh_measures;
 
-void tc_mesh_measure(const tc_mesh *mesh, tc_mesh_measures *measures);
+/* The mesh keeps its box, so that a frame need not look at its vertices to see that it is outside the view. */
+void tc_mesh_measure(tc_mesh *mesh, tc_mesh_measures *measures);
 
 /* Unit vertex normals [n_vertices] for a mesh without, to free(): the mean of the triangles' normals weighted by area, which
  * shades a smooth surface smoothly however it is triangulated; along z where the area is 0. `goes_on` (NULL: never stops) stops

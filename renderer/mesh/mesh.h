@@ -22,6 +22,8 @@ typedef struct tc_mesh {
   uint32_t *colors;         /* [n_vertices], sRGB: red in the lowest byte, then green, blue; NULL where there are none */
   uint32_t (*triangles)[3]; /* [n_triangles] vertex numbers, counter-clockwise seen from where normals point to */
   bool ordered;             /* successive triangles are near each other; all vertices are finite, no triangle is degenerate */
+  bool boxed;               /* low and high are the triangles' box: tc_mesh_measure() was called (measure.h) */
+  float low[3], high[3];    /* relative to the origin */
   size_t bytes;             /* of the arrays */
   uint64_t serial;          /* unique in the process; keys caches */
   int references;           /* tc_mesh_ref() and tc_mesh_free() count them */

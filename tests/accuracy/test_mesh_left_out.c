@@ -3,7 +3,7 @@
 
 #include <inttypes.h>
 
-#include "renderer/mesh/mesh.h"
+#include "renderer/mesh/measure.h"
 
 /* The numbers of a plan's sentence "of N clusters N outside the view, N facing away"; hidden and shaded: 0 if not said. */
 static void read_counts(const tc_explanation *plan, size_t n[3], uint64_t *hidden, uint64_t *shaded) {
@@ -96,6 +96,36 @@ TEST(no_mesh_is_clustered_outside_the_view) {
     tc_scene_set_surfaces(&scene, g_memdup2(both, sizeof both), 2);
     assert_false(extracts_nothing(volume, &scene, &request)); /* the mesh is in the view, the volume is not */
   }
+}
+
+/* A frame looks at the vertices of a mesh outside the view once at most; of a mesh with a box, only where the box is not outside:
+ * at all of them where a corner of the box alone is in the view, at few where the mesh is. */
+TEST(no_mesh_outside_the_view_is_looked_at) {
+  g_autoptr(tc_volume) volume = test_volume(&(test_grid){.dims = {40, 40, 40}, .type = TC_F32}, test_radius2, (double[3]){20, 20, 20});
+  g_autoptr(tc_mesh) ball = tc_mesh_extract(volume, 324, &(tc_mesh_options){.normals = true}, NULL);
+  const tc_mesh_surface own = {.source = TC_SURFACE_OF_MESH, .opacity = 1, .visible = true};
+  tc_mesh *const meshes[1] = {ball};
+  tc_mesh_measures measures;
+  uint64_t looked_at[2][3];
+  for (int boxed = 0; boxed < 2; boxed++) {
+    if (boxed) tc_mesh_measure(ball, &measures);
+    for (int view = 0; view < 3; view++) { /* away, past the ball but not past its box, at it */
+      static const double clip[3] = {-1000, -25, 0}; /* mm behind the middle; the ball's radius is 18, its box's corners are 31 away */
+      const tc_render_request request = {.want_linear = true, .meshes = meshes};
+      g_auto(tc_scene) scene;
+      mesh_scene(&scene, volume, TC_PERSPECTIVE);
+      for (int k = 0; k < 3; k++) scene.clip.planes[0][k] = sqrt(1 / 3.0);
+      scene.clip.planes[0][3] = -20 * sqrt(3) + clip[view], scene.clip.n_planes = 1;
+      tc_scene_set_surfaces(&scene, g_memdup2(&own, sizeof own), 1);
+      looked_at[boxed][view] = test_draw(test_widest(), volume, &scene, &request, NULL)->stats.looked_at;
+    }
+  }
+  for (int boxed = 0; boxed < 2; boxed++)
+    print_message("  %s: of %zu vertices %zu, %zu, %zu\n", boxed ? "with its box" : "without", ball->n_vertices, (size_t)looked_at[boxed][0],
+                  (size_t)looked_at[boxed][1], (size_t)looked_at[boxed][2]);
+  assert_true(looked_at[0][0] == ball->n_vertices && looked_at[1][0] == 0);
+  for (int boxed = 0; boxed < 2; boxed++)
+    assert_true(looked_at[boxed][1] == ball->n_vertices && looked_at[boxed][2] > 0 && looked_at[boxed][2] < ball->n_vertices);
 }
 
 /* Once extracted a surface stays; another value or another volume has its own; where it is nowhere the picture is empty. */
