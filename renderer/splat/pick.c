@@ -7,7 +7,8 @@
 #include "renderer/raycast/rays.h"
 #include "renderer/splat/splatter.h"
 
-#define MOST_WIDER 3 /* voxels: most that a core is widened to a pixel's width */
+#define MOST_WIDER 8 /* voxels: most that a core is widened to a pixel's width */
+#define WIDEST (MOST_WIDER + 2.0)
 
 /* A ray in index coordinates: at + t * along, t in mm from the eye. */
 typedef struct pick {
@@ -16,7 +17,8 @@ typedef struct pick {
   const int *dims;
   bool labels; /* the volume's values are */
   double at[3], along[3];
-  double from, to;         /* mm within the volume's box, widened by a voxel */
+  double pixel[2];         /* in perspective from the picture's middle; else 0, since the ray passes through it */
+  double from, to;         /* mm within the volume's box, widened by what a core can be */
   tc_splat_frame frame;    /* its kernels */
   tc_vmd_subject *subject; /* NULL: of labels and run-length models, whose normals are those of what is filled */
 } pick;
@@ -36,9 +38,11 @@ static void set_ray(pick *p, const double at[2]) {
     for (int k = 0; k < 3; k++) p->along[r] += rays.to_index[3 * r + k] * view[k] / length;
     p->at[r] = rays.anchor0[r] + at[0] * rays.anchor_du[r] + at[1] * rays.anchor_dv[r] - eye * p->along[r];
   }
+  p->pixel[0] = rays.perspective ? at[0] - 0.5 * p->scene->image.width : 0;
+  p->pixel[1] = rays.perspective ? at[1] - 0.5 * p->scene->image.height : 0;
   p->from = 0, p->to = 1e30;
   for (int k = 0; k < 3; k++) {
-    const double lo = (-1 - p->at[k]) / p->along[k], hi = (p->dims[k] - p->at[k]) / p->along[k];
+    const double lo = (-WIDEST - p->at[k]) / p->along[k], hi = (p->dims[k] - 1 + WIDEST - p->at[k]) / p->along[k];
     if (p->along[k] == 0) continue;
     p->from = fmax(p->from, fmin(lo, hi));
     p->to = fmin(p->to, fmax(lo, hi));
@@ -113,44 +117,71 @@ static bool shape_of(const pick *p, const int voxel[3], double axis[3], double *
   return true;
 }
 
-/* A pixel's side in voxels at this depth (view space, mm). */
-static double pixel_voxels(const pick *p, double deep) {
-  return (p->frame.args.perspective ? deep : 1) / (double)p->frame.args.scale * length3(p->along);
+/* A core on the picture, as project() of tile_tmpl.h has it: `to` is its middle and `axis` where it is flat, in index
+ * coordinates, from the eye (in parallel projection from where the ray starts). False: it does not hold the pixel's middle. */
+static bool holds(const pick *p, const double to[3], const double axis[3], double flat) {
+  const tc_splat_args *g = &p->frame.args;
+  double view[3] = {0}, off[2], xx = 0, yy = 0, xy = 0, area = 0, rows[2][3];
+  for (int r = 0; r < 3; r++)
+    for (int k = 0; k < 3; k++) view[r] += (double)g->axis[r][k] * to[k];
+  const double scale = (double)g->scale / (g->perspective ? view[2] : 1);
+  for (int r = 0; r < 2; r++) {
+    const double slope = g->perspective ? view[r] / view[2] : 0;
+    off[r] = view[r] * scale - p->pixel[r];
+    for (int k = 0; k < 3; k++) rows[r][k] = scale * ((double)g->axis[r][k] - slope * (double)g->axis[2][k]);
+    const double more = (flat - 1) * dot3(rows[r], axis);
+    for (int k = 0; k < 3; k++) rows[r][k] += more * axis[k];
+  }
+  for (int k = 0; k < 3; k++) {
+    const int l = (k + 1) % 3;
+    const double across = rows[0][l] * rows[1][k] - rows[0][k] * rows[1][l];
+    xx += rows[0][k] * rows[0][k], yy += rows[1][k] * rows[1][k], xy += rows[0][k] * rows[1][k], area += across * across;
+  }
+  const double size = (double)g->radius2, least = (double)g->least2;
+  const double whole = area * size * size + least * ((xx + yy) * size + least);
+  const double q = (yy * size + least) * off[0] * off[0] - 2 * xy * size * off[0] * off[1] + (xx * size + least) * off[1] * off[1];
+  return q <= (double)g->core * whole;
 }
 
-/* Whether the voxel is drawn and the ray passes its core. *value: the voxel's; *t: distance of its drawn position, mm. */
+/* Whether the voxel is drawn and its core holds the pixel's middle. *value: the voxel's; *t: distance of its drawn position,
+ * mm. */
 static bool meets(const pick *p, const int voxel[3], double *t, double *value) {
   const tc_splat_args *g = &p->frame.args;
-  double axis[3] = {0}, flat = 1, move[2] = {0}, to[3], way[3], deep = 0, deeper = 0;
+  double axis[3] = {0}, flat = 1, move[2] = {0}, to[3], deep = 0, deeper = 0, near = 0;
   if (!filled_at(p, voxel, value)) return false;
   for (int i = 0; i < g->n_planes; i++)
     if (dot3(g->planes[i], (double[]){voxel[0], voxel[1], voxel[2]}) + g->planes[i][3] < 0) return false;
   shape_of(p, voxel, axis, &flat, move);
   for (int k = 0; k < 3; k++) {
     const double from_eye = voxel[k] - p->at[k];
-    to[k] = from_eye + move[0] * axis[k], way[k] = p->along[k];
-    deep += (double)g->axis[2][k] * (from_eye + move[1] * axis[k]), deeper += (double)g->axis[2][k] * way[k];
+    to[k] = from_eye + move[0] * axis[k];
+    near += (double)g->axis[2][k] * to[k];
+    deep += (double)g->axis[2][k] * (from_eye + move[1] * axis[k]), deeper += (double)g->axis[2][k] * p->along[k];
   }
-  const double stretch[2] = {(1 / flat - 1) * dot3(to, axis), (1 / flat - 1) * dot3(way, axis)};
-  for (int k = 0; k < 3; k++) to[k] += stretch[0] * axis[k], way[k] += stretch[1] * axis[k];
-  const double along = dot3(to, way), away2 = dot3(to, to) - along * along / dot3(way, way);
   *t = deep / deeper;
-  const double pixel = pixel_voxels(p, deep);
-  return *t > 0 && along > 0 &&
-         away2 <= (double)(g->touch * g->touch) + (double)(g->least2 * g->core * (1 - g->move)) * pixel * pixel;
+  return *t > 0 && near > 0 && holds(p, to, axis, flat);
 }
 
-/* Tests the voxels around the ray's position at t; updates the hit by nearer ones. */
-static void look_around(const pick *p, double t, tc_splat_hit *hit) {
+/* How far from the ray, where it is t mm from the eye, voxels' middles can be whose cores hold the pixel's middle. */
+static double reach_at(const pick *p, double t) {
   const tc_splat_args *g = &p->frame.args;
-  const double pixel = pixel_voxels(
-      p, fmax(t * dot3(p->along, (double[]){(double)g->axis[2][0], (double)g->axis[2][1], (double)g->axis[2][2]}), 0));
-  const int reach = (int)ceil((double)(g->touch + g->move) + fmin(0.72 * pixel, MOST_WIDER));
-  int middle[3];
-  for (int k = 0; k < 3; k++) middle[k] = (int)lround(p->at[k] + t * p->along[k]);
-  for (int z = middle[2] - reach; z <= middle[2] + reach; z++)
-    for (int y = middle[1] - reach; y <= middle[1] + reach; y++)
-      for (int x = middle[0] - reach; x <= middle[0] + reach; x++) {
+  const double *spacing = tc_volume_describe(p->volume)->spacing;
+  double deep = 0;
+  for (int k = 0; k < 3; k++) deep += fmax(t, 0) * (double)g->axis[2][k] * p->along[k];
+  const double pixel = (g->perspective ? deep : 1) / (double)g->scale / fmin(spacing[0], fmin(spacing[1], spacing[2]));
+  return (double)(g->touch + g->move) + fmin(sqrt((double)(g->least2 * g->core)) * pixel, MOST_WIDER);
+}
+
+/* Tests the voxels within reach of the ray's position at t; updates the hit by nearer ones. */
+static void look_around(const pick *p, double t, double reach, tc_splat_hit *hit) {
+  int lo[3], hi[3];
+  for (int k = 0; k < 3; k++) {
+    const double at = p->at[k] + t * p->along[k];
+    lo[k] = (int)fmax(ceil(at - reach), 0), hi[k] = (int)fmin(floor(at + reach), p->dims[k] - 1);
+  }
+  for (int z = lo[2]; z <= hi[2]; z++)
+    for (int y = lo[1]; y <= hi[1]; y++)
+      for (int x = lo[0]; x <= hi[0]; x++) {
         double at, value;
         if (!meets(p, (int[]){x, y, z}, &at, &value) || at >= hit->distance_mm) continue;
         *hit = (tc_splat_hit){.voxel = {x, y, z}, .value = value, .distance_mm = at};
@@ -169,10 +200,13 @@ bool tc_splat_pick(const tc_volume *of, const tc_volume *labels, const tc_scene 
   if (!labels && !tc_volume_sparse(volume))
     p.subject = tc_vmd_subject_new(volume, scene->splat.threshold[0], scene->splat.threshold[1]);
   set_ray(&p, at);
-  const double voxels_a_mm = length3(p.along), step = 0.5 / voxels_a_mm;
-  const double reach = (1 + (double)(p.frame.args.touch + p.frame.args.move)) / voxels_a_mm;
-  /* A nearer hit may be found up to `reach` behind the first one. */
-  for (double t = p.from; t <= p.to && t <= hit->distance_mm + reach; t += step) look_around(&p, t, hit);
+  const double voxels_a_mm = length3(p.along);
+  /* Steps of a reach: voxels that far from the ray are within 1.12 of it from a step. A nearer hit may be found up to a
+   * reach behind the first one. */
+  for (double t = p.from, reach = 0; t <= p.to && t <= hit->distance_mm + reach / voxels_a_mm; t += reach / voxels_a_mm) {
+    reach = reach_at(&p, t);
+    look_around(&p, t, 1.12 * reach, hit);
+  }
   tc_vmd_subject_free(p.subject);
   tc_splat_frame_end(&p.frame);
   if (!isfinite(hit->distance_mm)) return false;
