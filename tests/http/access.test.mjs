@@ -6,7 +6,7 @@ import { chmodSync, existsSync, mkdtempSync, readFileSync, renameSync, statSync,
 import { tmpdir } from 'node:os';
 import { join } from 'node:path';
 import { after, before, describe, test } from 'node:test';
-import { Daemon, problem, sleep } from '../support/daemon.mjs';
+import { Daemon, problem, until } from '../support/daemon.mjs';
 import { handshake, Ws } from '../support/ws.mjs';
 
 const status = (text) => Number(/^HTTP\/1\.1 (\d+)/.exec(text)?.[1] ?? 0);
@@ -411,7 +411,7 @@ test('the audit file holds what the log may leave out, for its owner only', asyn
   const d = await Daemon.start({ args: ['--audit-file', file], config: '[server]\nlog_level=error\n' });
   const { id, links } = await d.session();
   const lines = async (wanted) => {
-    for (let i = 0; i < 200 && !(existsSync(file) && wanted.test(readFileSync(file, 'utf8'))); i++) await sleep(25);
+    await until(() => existsSync(file) && wanted.test(readFileSync(file, 'utf8')));
     return readFileSync(file, 'utf8').trim().split('\n');
   };
   const [created] = await lines(/session\.create/);

@@ -107,7 +107,7 @@ test('a mesh of many large translucent triangles is refused with a size that pas
   const send = (id, body) => strict.call('PUT', `/v1/meshes/${id}`, { body, type: 'application/octet-stream' });
   for (const [id, body] of [['panes', panesStl(200)], ['ball', ballStl(80)]]) {
     assert.equal((await send(id, body)).status, 202);
-    while ((await strict.get(`/v1/meshes/${id}`)).json.state === 'loading') await sleep(10);
+    await strict.loaded(`/v1/meshes/${id}`);
   }
   const ask = (mesh, opacity, of, size = 96) => strict.post('/v1/render', { volume: 'ball',
     scene: { image: { width: size, height: size }, ...of, mesh: { withVolume: of.mode === 'dvr', surfaces: [{ mesh, opacity }] } } });

@@ -3,7 +3,7 @@ import assert from 'node:assert/strict';
 import { mkdirSync, readdirSync, readFileSync, rmdirSync, writeFileSync } from 'node:fs';
 import net from 'node:net';
 import { test } from 'node:test';
-import { ballNrrd, BINARY, Daemon, problem, sleep } from '../support/daemon.mjs';
+import { ballNrrd, BINARY, Daemon, problem, sleep, until } from '../support/daemon.mjs';
 import { dicomSlice } from '../support/dicom.mjs';
 import { handshake, Ws } from '../support/ws.mjs';
 
@@ -16,13 +16,7 @@ async function used(d) {
   return Object.fromEntries([...lines].map(([, kind, bytes]) => [kind, Number(bytes)]));
 }
 
-async function settled(d, id) {
-  for (const end = Date.now() + 60000; Date.now() < end; await sleep(20)) {
-    const { json } = await d.get(`/v1/volumes/${id}`);
-    if (json.state !== 'loading') return json;
-  }
-  throw new Error(`${id} loads for ever`);
-}
+const settled = (d, id) => d.loaded(`/v1/volumes/${id}`);
 
 const shells = Array.from({ length: 12 }, (_, i) => ({ value: 20 + 16 * i, opacity: 0.01 }));
 
@@ -129,7 +123,7 @@ test('derived data is counted, and goes before volumes do', async () => {
   assert.ok(memory.volumes >= 128 ** 3);
   assert.ok((await d.metric('memory_budget_bytes')) > 1e6);
   await d.delete('/v1/volumes/big');
-  for (let i = 0; (await used(d)).volumes + (await used(d)).pinned > 0 && i < 100; i++) await sleep(20);
+  await until(async () => (await used(d)).volumes + (await used(d)).pinned === 0);
   const after = await used(d);
   assert.deepEqual([after.volumes, after.pinned, after.loads], [0, 0, 0]);
   await d.stop();
@@ -151,7 +145,7 @@ test('one picture serves all who watch it, be they as slow as they like', { skip
     sockets.push(net.connect(d.port, '127.0.0.1').pause());
     sockets.at(-1).write(`GET ${session.links.mjpeg} HTTP/1.1\r\nHost: 127.0.0.1\r\n\r\n`);
   }
-  for (let i = 0; i < 500 && (await d.metric('ws_clients')) + (await d.metric('mjpeg_clients')) < 2 * viewers; i++) await sleep(20);
+  await until(async () => (await d.metric('ws_clients')) + (await d.metric('mjpeg_clients')) >= 2 * viewers);
   let sent = 0; // some take no more than the small picture that comes first
   for (let i = 0; i < 1000 && sent < 5 * size; i++, await sleep(20)) sent = await d.metric('ws_sent_bytes_total');
   const grown = resident() - before;
@@ -253,8 +247,7 @@ test('encoded pictures are counted as long as anybody has them', async () => {
   const { image } = await ws.nextFrame(({ final }) => final);
   assert.ok((await used(d)).pictures >= image.length);
   await d.delete(session.links.self);
-  for (let i = 0; (await used(d)).pictures > 0 && i < 200; i++) await sleep(20);
-  assert.equal((await used(d)).pictures, 0);
+  await until(async () => (await used(d)).pictures === 0);
   await d.stop();
 });
 

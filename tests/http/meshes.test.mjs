@@ -3,7 +3,7 @@ import assert from 'node:assert/strict';
 import { writeFileSync } from 'node:fs';
 import { join } from 'node:path';
 import { after, before, test } from 'node:test';
-import { ballNrrd, Daemon, problem, sleep } from '../support/daemon.mjs';
+import { ballNrrd, Daemon, problem, sleep, until } from '../support/daemon.mjs';
 import { ballStl } from '../support/mesh.mjs';
 import { readPng } from '../support/png.mjs';
 import { validate } from '../support/schema.mjs';
@@ -18,13 +18,7 @@ after(() => d.stop());
 
 const upload = (id, body, kind = 'meshes') => d.call('PUT', `/v1/${kind}/${id}`, { body, type: 'application/octet-stream' });
 
-async function settled(id, kind = 'meshes') {
-  for (;;) {
-    const { json } = await d.get(`/v1/${kind}/${id}`);
-    if (json.state !== 'loading') return json;
-    await sleep(10);
-  }
-}
+const settled = (id, kind = 'meshes') => d.loaded(`/v1/${kind}/${id}`);
 
 test('a mesh of the data folder is loaded, described, listed and deleted', async () => {
   const listed = (await d.get('/v1/meshes')).json;
@@ -118,8 +112,7 @@ test('a session shows a mesh in its volume\'s space; what it shows is neither dr
   const caches = async () => Number((await d.get('/metrics')).bytes.toString().match(/memory_bytes\{kind="caches"\} (\d+)/)[1]);
   const shown = await caches();
   assert.equal((await d.delete('/v1/meshes/shown?force=true')).status, 204);
-  for (let i = 0; i < 500 && (await caches()) > shown - 5000; i++) await sleep(10);
-  assert.ok((await caches()) <= shown - 5000, 'the clusters of its 400 triangles have gone too');
+  await until(async () => (await caches()) <= shown - 5000); // the clusters of its 400 triangles go too
   problem(await d.get(`/v1/sessions/${session.id}`), 404); // it ended with its mesh
 });
 

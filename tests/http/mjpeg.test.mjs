@@ -2,7 +2,7 @@
 import assert from 'node:assert/strict';
 import net from 'node:net';
 import { after, before, test } from 'node:test';
-import { Daemon, imageSize, problem, sleep } from '../support/daemon.mjs';
+import { Daemon, imageSize, problem, sleep, until } from '../support/daemon.mjs';
 
 let d;
 before(async () => { d = await Daemon.start({ config: '[limits]\nclients=3\nblocked_seconds=2\n' }); });
@@ -28,10 +28,7 @@ async function* parts(reply) {
   }
 }
 
-const gone = async () => {
-  for (let i = 0; i < 200 && (await d.metric('mjpeg_clients')); i++) await sleep(50);
-  assert.equal(await d.metric('mjpeg_clients'), 0);
-};
+const gone = () => until(async () => (await d.metric('mjpeg_clients')) === 0);
 
 test('pictures come as parts, each closed at once by the head of the next', async () => {
   const { links } = await d.session();
@@ -77,7 +74,7 @@ test('a viewer that reads nothing while pictures flow is ended', async () => {
   const socket = net.connect(d.port, '127.0.0.1', () => socket.write(`GET ${links.mjpeg} HTTP/1.1\r\nHost: 127.0.0.1:${d.port}\r\n\r\n`));
   socket.on('error', () => {});
   socket.pause(); // its end is open: the peer's kernel goes on answering
-  for (let i = 0; i < 500 && !(await d.metric('mjpeg_clients')); i++) await sleep(20);
+  await until(() => d.metric('mjpeg_clients'));
   const end = Date.now() + 15000; // the library alone would take 30 s
   for (let i = 0; Date.now() < end && (await d.metric('mjpeg_clients')); i++) {
     await d.patch(links.scene, { camera: { fovY: 20 + (i % 40) } });

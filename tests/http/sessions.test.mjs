@@ -1,7 +1,7 @@
 // Sessions and their scenes: life, ETags, merge patches, refusals.
 import assert from 'node:assert/strict';
 import { after, before, test } from 'node:test';
-import { Daemon, imageSize, problem, sleep } from '../support/daemon.mjs';
+import { Daemon, imageSize, problem, until } from '../support/daemon.mjs';
 
 let d;
 before(async () => { d = await Daemon.start({ config: '[limits]\nsessions=16\nsession_idle_seconds=2\nimage_side=2000\n' }); });
@@ -188,6 +188,5 @@ test('the number of sessions is limited, and idle ones end', async () => {
   const busy = replies.find(({ status }) => status !== 201);
   problem(busy, 503);
   assert.ok(Number(busy.headers.get('retry-after')) > 0);
-  for (let i = 0; i < 100 && (await d.get('/v1/sessions')).json.sessions.length; i++) await sleep(100);
-  assert.equal((await d.get('/v1/sessions')).json.sessions.length, 0);
+  await until(async () => (await d.get('/v1/sessions')).json.sessions.length === 0);
 });

@@ -54,8 +54,7 @@ test('it serves with no volume at all', async () => {
 
 test('a volume of the command line that fails is shown as failed, without its path', async () => {
   const d = await Daemon.start({ ball: false, args: ['--volume', 'lost=/does/not/exist.nrrd'] });
-  let json;
-  do json = (await d.get('/v1/volumes/lost')).json; while (json.state === 'loading');
+  const json = await d.loaded('/v1/volumes/lost');
   assert.equal(json.state, 'failed');
   assert.doesNotMatch(json.reason, /does\/not/);
   await d.stop();

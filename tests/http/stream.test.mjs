@@ -1,7 +1,7 @@
 // WebSocket tomocast.v1: handshake, frames, flow control, refinement, refusals, several viewers.
 import assert from 'node:assert/strict';
 import { after, before, test } from 'node:test';
-import { Daemon, imageSize, problem, sleep } from '../support/daemon.mjs';
+import { Daemon, imageSize, problem, sleep, until } from '../support/daemon.mjs';
 import { validate } from '../support/schema.mjs';
 import { frameBytes, handshake, OP, Ws } from '../support/ws.mjs';
 
@@ -262,7 +262,7 @@ test('viewers that vanish leave nothing behind', async () => {
   many.forEach((ws, i) => (i % 2 ? ws.cut() : ws.patch(1, { camera: { fovY: 20 + i } })));
   await sleep(50);
   many.forEach((ws) => ws.cut());
-  for (let i = 0; i < 200 && (await d.metric('ws_clients')) > 2; i++) await sleep(25);
+  await until(async () => (await d.metric('ws_clients')) <= 2);
   const { json } = await d.get(session.links.self);
   assert.ok(json.viewers <= 1, `${json.viewers} viewers`);
 });

@@ -5,7 +5,7 @@ import http from 'node:http';
 import { tmpdir } from 'node:os';
 import { join } from 'node:path';
 import { test } from 'node:test';
-import { Daemon, problem, sleep } from '../support/daemon.mjs';
+import { Daemon, problem, sleep, until } from '../support/daemon.mjs';
 import { handshake, Ws } from '../support/ws.mjs';
 
 const token = (name) => `${name}-0123456789abcdef`;
@@ -56,7 +56,7 @@ test('SIGHUP reads the tokens again: who is no more in the file is out, the othe
     const before = d.stderr.split('tokens.kept').length;
     writeFileSync(file, wrong);
     d.process.kill('SIGHUP');
-    for (let i = 0; i < 400 && d.stderr.split('tokens.kept').length === before; i++) await sleep(25);
+    await until(() => d.stderr.split('tokens.kept').length > before);
     assert.equal(d.stderr.split('tokens.kept').length, before + 1, 'one line');
     assert.equal((await d.get('/v1/volumes', as('bob'))).status, 200);
   }

@@ -7,24 +7,13 @@ import net from 'node:net';
 import { tmpdir } from 'node:os';
 import { join } from 'node:path';
 import { test } from 'node:test';
-import { ballNrrd, Daemon, problem, sleep } from '../support/daemon.mjs';
+import { ballNrrd, Daemon, problem, sleep, until } from '../support/daemon.mjs';
 
 const folder = () => mkdtempSync(join(tmpdir(), 'tomocast-spool-'));
 const uploads = (spool) => readdirSync(spool).filter((name) => name.startsWith('tomocast-upload-'));
 const upload = (d, id, body) => d.call('PUT', `/v1/volumes/${id}`, { body, type: 'application/octet-stream' });
 
-async function until(what, seconds = 30) {
-  for (const end = Date.now() + seconds * 1000; Date.now() < end; await sleep(20)) {
-    const found = await what();
-    if (found) return found;
-  }
-  throw new Error(`still not after ${seconds} s: ${what}`);
-}
-
-const settled = (d, id) => until(async () => {
-  const { json } = await d.get(`/v1/volumes/${id}`);
-  return json.state !== 'loading' && json;
-});
+const settled = (d, id) => d.loaded(`/v1/volumes/${id}`);
 
 /** A socket that has begun an upload and sent a byte. */
 function dripping(d, id, length = 100000, headers = '') {

@@ -6,7 +6,7 @@ import http from 'node:http';
 import { join } from 'node:path';
 import { deflateSync, gzipSync } from 'node:zlib';
 import { after, before, test } from 'node:test';
-import { ballNrrd, Daemon, problem, sleep } from '../support/daemon.mjs';
+import { ballNrrd, Daemon, problem, sleep, until } from '../support/daemon.mjs';
 import { dicomSlice } from '../support/dicom.mjs';
 import { Ws } from '../support/ws.mjs';
 import { crc32, zip } from '../../web/zip.js';
@@ -31,19 +31,9 @@ after(() => d.stop());
 const upload = (id, body) => d.call('PUT', `/v1/volumes/${id}`, { body, type: 'application/octet-stream' });
 
 // Files go on a thread of the spool's own.
-async function swept() {
-  for (let i = 0; spool().length && i < 200; i++) await sleep(20);
-  assert.deepEqual(spool(), []);
-}
+const swept = () => until(() => spool().length === 0);
 
-async function settled(id) {
-  for (;;) {
-    const { json } = await d.get(`/v1/volumes/${id}`);
-    if (json.state !== 'loading') return json;
-    assert.ok(json.fraction >= 0 && json.fraction <= 1);
-    await sleep(10);
-  }
-}
+const settled = (id) => d.loaded(`/v1/volumes/${id}`);
 
 // Three volumes of one value each.
 const timeNrrd = () =>

@@ -12,6 +12,15 @@ const PATIENCE_MS = 60000; // sanitizers are slow
 
 export const sleep = (ms) => new Promise((resolve) => setTimeout(resolve, ms));
 
+/** What `what()` gives once that is true. */
+export async function until(what) {
+  for (const end = Date.now() + PATIENCE_MS; Date.now() < end; await sleep(20)) {
+    const found = await what();
+    if (found) return found;
+  }
+  throw new Error(`still not after ${PATIENCE_MS / 1000} s: ${what}`);
+}
+
 /** A small volume: a bright ball in the dark, as an attached raw NRRD. */
 export function ballNrrd(n = 32, header = '') {
   const text = `NRRD0004\ntype: uint8\ndimension: 3\nspace: left-posterior-superior\nsizes: ${n} ${n} ${n}\n` +
@@ -97,18 +106,24 @@ export class Daemon {
 
   /** What is on stderr once it matches: a line may come after the reply that it is about. */
   async logged(wanted) {
-    for (const end = Date.now() + PATIENCE_MS; !wanted.test(this.stderr) && Date.now() < end;) await sleep(20);
-    assert.match(this.stderr, wanted);
+    await until(() => wanted.test(this.stderr)).catch(() => assert.match(this.stderr, wanted));
     return this.stderr;
   }
 
   async resident(id) {
-    for (const end = Date.now() + PATIENCE_MS; Date.now() < end; await sleep(20)) {
-      const { json } = await this.get(`/v1/volumes/${id}`);
-      if (json.state === 'resident') return json;
-      assert.equal(json.state, 'loading', JSON.stringify(json));
-    }
-    throw new Error(`volume ${id} does not get resident`);
+    const json = await this.loaded(`/v1/volumes/${id}`);
+    assert.equal(json.state, 'resident', JSON.stringify(json));
+    return json;
+  }
+
+  /** The volume or mesh of a path once it is resident or has failed. */
+  loaded(path) {
+    return until(async () => {
+      const { json } = await this.get(path);
+      if (json.state !== 'loading') return json;
+      assert.ok(json.fraction >= 0 && json.fraction <= 1, JSON.stringify(json));
+      return null;
+    });
   }
 
   /** @returns {{status, headers, json, bytes}} */
