@@ -534,28 +534,6 @@ static void set_up(extraction *e, const tc_volume *volume, double iso) {
   e->bars[0] = (e->dims[1] + BAR_ROWS - 1) / BAR_ROWS, e->bars[1] = (e->dims[2] + TC_BRICK - 1) / TC_BRICK;
 }
 
-/* Removes vertices of cells with gaps, which no triangle uses. */
-static bool drop_unused(tc_mesh *m, GError **error) {
-  uint32_t *number = calloc(m->n_vertices ? m->n_vertices : 1, sizeof *number), n = 0;
-  if (!number) {
-    tc_set_error(error, TC_ERROR_MEMORY, NULL, "isosurface: out of memory");
-    return false;
-  }
-  for (size_t t = 0; t < m->n_triangles; t++)
-    for (int k = 0; k < 3; k++) number[m->triangles[t][k]] = 1;
-  for (size_t i = 0; i < m->n_vertices; i++) {
-    if (!number[i]) continue;
-    memmove(m->positions[n], m->positions[i], sizeof *m->positions);
-    if (m->normals) memmove(m->normals[n], m->normals[i], sizeof *m->normals);
-    number[i] = n++;
-  }
-  for (size_t t = 0; t < m->n_triangles; t++)
-    for (int k = 0; k < 3; k++) m->triangles[t][k] = number[m->triangles[t][k]];
-  m->n_vertices = n;
-  free(number);
-  return true;
-}
-
 static bool make_mesh(extraction *e, const tc_mesh_options *options, GError **error) {
   const uint64_t vertices = sum_rows(e);
   uint64_t triangles;
@@ -571,7 +549,7 @@ static bool make_mesh(extraction *e, const tc_mesh_options *options, GError **er
   tc_volume_index_to_lps(e->volume, e->middle, e->mesh->origin);
   e->mesh->ordered = true;
   if (!tc_pool_run(options->pool, e->bars[0] * e->bars[1], fill_bar, e)) return tc_halt_say(tc_pool_halt(options->pool), error);
-  return !e->gaps || drop_unused(e->mesh, error);
+  return !e->gaps || tc_mesh_drop_unused(e->mesh, error); /* of cells with gaps */
 }
 
 static bool extract(extraction *e, const tc_mesh_options *options, GError **error) {

@@ -78,6 +78,27 @@ tc_mesh *tc_mesh_join(tc_mesh *const *of, size_t n, GError **error) {
   return all;
 }
 
+bool tc_mesh_drop_unused(tc_mesh *m, GError **error) {
+  uint32_t *number = calloc(m->n_vertices ? m->n_vertices : 1, sizeof *number), n = 0;
+  if (!number) {
+    tc_set_error(error, TC_ERROR_MEMORY, NULL, "mesh: out of memory");
+    return false;
+  }
+  for (size_t t = 0; t < m->n_triangles; t++)
+    for (int k = 0; k < 3; k++) number[m->triangles[t][k]] = 1;
+  for (size_t i = 0; i < m->n_vertices; i++) {
+    if (!number[i]) continue;
+    memmove(m->positions[n], m->positions[i], sizeof *m->positions);
+    if (m->normals) memmove(m->normals[n], m->normals[i], sizeof *m->normals);
+    number[i] = n++;
+  }
+  for (size_t t = 0; t < m->n_triangles; t++)
+    for (int k = 0; k < 3; k++) m->triangles[t][k] = number[m->triangles[t][k]];
+  m->n_vertices = n;
+  free(number);
+  return true;
+}
+
 tc_mesh *tc_mesh_ref(tc_mesh *mesh) {
   __atomic_add_fetch(&mesh->references, 1, __ATOMIC_RELAXED);
   return mesh;

@@ -35,6 +35,8 @@ typedef struct tc_mesh {
 tc_mesh *tc_mesh_new(size_t n_vertices, size_t n_triangles, bool normals, GError **error);
 /* Allocates the colours of a mesh that has none. TC_ERROR_MEMORY. */
 bool tc_mesh_add_colors(tc_mesh *mesh, GError **error);
+/* Removes vertices that no triangle uses, of a mesh without colours; the arrays keep their size. TC_ERROR_MEMORY. */
+bool tc_mesh_drop_unused(tc_mesh *mesh, GError **error);
 tc_mesh *tc_mesh_ref(tc_mesh *mesh);
 void tc_mesh_free(tc_mesh *mesh); /* drops a reference; NULL is fine */
 
