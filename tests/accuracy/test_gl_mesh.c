@@ -18,6 +18,7 @@
 #include "renderer/raycast/rays.h"
 #include "renderer/tomocast.h"
 #include "tests/support/grid.h"
+#include "tests/support/image.h"
 #include "tests/support/renderers.h"
 
 enum { SIDE = 300, PIXELS = SIDE * SIDE };
@@ -256,12 +257,9 @@ static verdict compare(tc_volume *volume, const tc_render_request *of, const tc_
   tc_rays_set_up(&rays, volume, scene, SIDE, SIDE);
   const bool layered = scene->mesh.n_surfaces > 0;
   for (int i = 0; i < PIXELS; i++) {
-    double worst = 0;
+    const double worst = test_pixel_off(gl->linear, cpu->linear, (size_t)i);
     int level = 0;
-    for (int c = 4 * i; c < 4 * i + 4; c++) {
-      worst = fmax(worst, fabs((double)gl->linear[c] - cpu->linear[c]));
-      level = MAX(level, abs(gl->rgba[c] - cpu->rgba[c]));
-    }
+    for (int c = 4 * i; c < 4 * i + 4; c++) level = MAX(level, abs(gl->rgba[c] - cpu->rgba[c]));
     v.seen += cpu->linear[4 * i + 3] > 0;
     v.colourful += abs(cpu->rgba[4 * i] - cpu->rgba[4 * i + 1]) > 30;
     if (i % 16 == 0) v.ties += is_tie(t, &rays, layered, none, i, 0);

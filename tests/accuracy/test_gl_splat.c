@@ -25,12 +25,9 @@ static int count_apart(const tc_frame *cpu, const tc_frame *gl, int *seen) {
   double most = 0;
   *seen = 0;
   for (int i = 0; i < PIXELS; i++) {
-    double worst = 0;
+    const double worst = test_pixel_off(gl->linear, cpu->linear, (size_t)i);
     int level = 0;
-    for (int c = 4 * i; c < 4 * i + 4; c++) {
-      worst = fmax(worst, fabs((double)gl->linear[c] - cpu->linear[c]));
-      level = MAX(level, abs(gl->rgba[c] - cpu->rgba[c]));
-    }
+    for (int c = 4 * i; c < 4 * i + 4; c++) level = MAX(level, abs(gl->rgba[c] - cpu->rgba[c]));
     *seen += cpu->linear[4 * i + 3] > 0;
     over += worst > 1.0 / 255 || level > 1;
     most = fmax(most, worst);

@@ -284,11 +284,8 @@ TEST(everyone_agrees) {
       const float *a = render(i, volume, labels, &scene, NULL), *b = test_frames[SCALAR].linear;
       assert_true(test_compare(a, b, PIXELS).finite);
       for (int p = 0; p < PIXELS; p++) {
-        double d = 0;
-        for (int c = 4 * p; c < 4 * p + 4; c++) {
-          d = fmax(d, fabs((double)a[c] - (double)b[c]));
-          assert_true(a[c] >= 0 && a[c] <= (c % 4 == 3 ? 1 : a[4 * p + 3]));
-        }
+        const double d = test_pixel_off(a, b, (size_t)p);
+        for (int c = 4 * p; c < 4 * p + 4; c++) assert_true(a[c] >= 0 && a[c] <= (c % 4 == 3 ? 1 : a[4 * p + 3]));
         compared++;
         ties += d > 1.0 / 255;
         if (d <= 1.0 / 255) worst[i] = fmax(worst[i], d);

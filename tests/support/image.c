@@ -9,6 +9,12 @@ static int ascending(const void *a, const void *b) {
   return (x > y) - (x < y);
 }
 
+double test_pixel_off(const float *a, const float *b, size_t pixel) {
+  double off = 0;
+  for (size_t c = 4 * pixel; c < 4 * pixel + 4; c++) off = fmax(off, fabs((double)a[c] - (double)b[c]));
+  return off;
+}
+
 test_difference test_compare(const float *a, const float *b, size_t pixels) {
   test_difference d = {.finite = true};
   size_t n = 4 * pixels;

@@ -12,6 +12,9 @@ typedef struct test_difference {
   bool finite;           /* a has no NaN or infinity */
 } test_difference;
 
+/* The greatest absolute difference of the four channels of one pixel. */
+double test_pixel_off(const float *a, const float *b, size_t pixel);
+
 test_difference test_compare(const float *a, const float *b, size_t pixels);
 
 /* Prints one line: "what: rms .. max .. p99.9 .. mean .. (worst at x,y)". */

@@ -121,16 +121,20 @@ class Vtk:
         mapper.SetImageSampleDistance(1)
         mapper.SetSampleDistance(step_mm)
         mapper.SetBlendMode(1 if scene["mode"] == "mip" else 0)
-        prop, camera = vtk.vtkVolume(), self.renderer.GetActiveCamera()
+        prop = vtk.vtkVolume()
         prop.SetMapper(mapper)
         prop.SetProperty(properties(scene))
         prop.SetUserMatrix(matrix)
         self.renderer.RemoveAllViewProps()
         self.renderer.AddVolume(prop)
-        camera.SetPosition(scene["camera"]["position"])
-        camera.SetFocalPoint(scene["camera"]["target"])
-        camera.SetViewUp(scene["camera"]["up"])
-        camera.SetViewAngle(scene["camera"]["fovY"])
+        self.look(scene["camera"])
+
+    def look(self, ours):
+        camera = self.renderer.GetActiveCamera()
+        camera.SetPosition(ours["position"])
+        camera.SetFocalPoint(ours["target"])
+        camera.SetViewUp(ours["up"])
+        camera.SetViewAngle(ours["fovY"])
         self.renderer.ResetCameraClippingRange()
 
     def time(self, runs):
@@ -241,17 +245,13 @@ def compare_surface(name, value, view, args, folder):
                          check=True, capture_output=True, text=True)
     ours = next(row for row in json.loads(out.stdout) if "triangles" in row)
     extract_ms, surface = extract(image, value, args.runs)
-    mapper, actor, camera = vtk.vtkPolyDataMapper(), vtk.vtkActor(), view.renderer.GetActiveCamera()
+    mapper, actor = vtk.vtkPolyDataMapper(), vtk.vtkActor()
     mapper.SetInputData(surface)
     mapper.ScalarVisibilityOff()
     actor.SetMapper(mapper)
     view.renderer.RemoveAllViewProps()
     view.renderer.AddActor(actor)
-    camera.SetPosition(ours["camera"]["position"])
-    camera.SetFocalPoint(ours["camera"]["target"])
-    camera.SetViewUp(ours["camera"]["up"])
-    camera.SetViewAngle(ours["camera"]["fovY"])
-    view.renderer.ResetCameraClippingRange()
+    view.look(ours["camera"])
     frame = {"mesh": ours["frameMs"]["mesh"], "gl": ours["frameMs"].get("gl"), "vtk": view.time(args.runs),
              "forward": ours["frameMs"]["forward shading"]}
     return {"volume": name, "value": value, "triangles": [ours["triangles"], surface.GetNumberOfPolys()],
