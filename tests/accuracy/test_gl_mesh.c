@@ -550,7 +550,9 @@ TEST(frames_stop_and_go_on_to_the_same_picture) {
   g_autoptr(tc_volume) volume = waves();
   g_auto(tc_scene) scene;
   mesh_scene(&scene, volume, TC_PERSPECTIVE);
-  assert_true(test_resumes(GL, volume, &scene) >= 2); /* four tiles */
+  /* At least three tiles: a GPU draws up to 1024x1024 pixels as one. */
+  if (!strstr(tc_renderer_about(test_renderers[GL])->device, "llvmpipe")) scene.image.width = scene.image.height = 1536;
+  assert_true(test_resumes(GL, volume, &scene) >= 2);
 }
 
 TESTS(test_renderers_open, test_renderers_close)
