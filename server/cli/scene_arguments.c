@@ -45,10 +45,33 @@ static bool lay_file(layer *l, GError **error) {
   return lay(l, patch, l->from->file, error);
 }
 
+/* Moves the members of a patch into another; the later value of a member replaces the earlier one. Frees the patch. */
+static void merge(cJSON *into, cJSON *patch) {
+  for (cJSON *member; (member = cJSON_DetachItemFromArray(patch, 0));) {
+    cJSON *earlier = cJSON_GetObjectItemCaseSensitive(into, member->string);
+    if (cJSON_IsObject(earlier) && cJSON_IsObject(member)) {
+      merge(earlier, member);
+    } else {
+      if (earlier) cJSON_Delete(cJSON_DetachItemViaPointer(into, earlier));
+      cJSON_AddItemToObject(into, member->string, member);
+    }
+  }
+  cJSON_Delete(patch);
+}
+
+/* As one patch, so that a member may be out of place until a later one is set, as camera.position before camera.up. */
 static bool lay_expressions(layer *l, GError **error) {
-  for (char **set = l->from->set; set && *set; set++)
-    if (!lay(l, tcp_scene_set_expression(*set, error), "--set", error)) return false;
-  return true;
+  cJSON *all = cJSON_CreateObject();
+  for (char **set = l->from->set; set && *set; set++) {
+    cJSON *patch = tcp_scene_set_expression(*set, error);
+    if (!patch) {
+      g_prefix_error(error, "--set: ");
+      cJSON_Delete(all);
+      return false;
+    }
+    merge(all, patch);
+  }
+  return lay(l, all, "--set", error);
 }
 
 static bool lay_size(layer *l, GError **error) {

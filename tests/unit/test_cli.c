@@ -173,6 +173,11 @@ TEST(scene_and_set) {
              "image.background=transparent"));
   assert_png("c.png", 24, 30, 6);
   refuse(RUN("render", "demo:bucky", "-o", "c.jpg", "--set", "image.background=transparent"), 2, "png");
+  /* Out of place until all members are set */
+  const char *const above = "camera.position=[0,0,900]", *const down = "camera.target=[0,0,0]";
+  refuse(RUN("render", "demo:bucky", "-o", "d.png", "--set", above, "--set", down), 2, "parallel to the view direction");
+  accept(RUN("render", "demo:bucky", "-o", "d.png", "--set", above, "--set", down, "--set", "camera.up=[0,1,0]"));
+  refuse(RUN("render", "demo:bucky", "-o", "d.png", "--set", "camera.fovY=20", "--set", "camera.fovY=200"), 2, "200 is too large");
 }
 
 TEST(same_picture_twice) {
