@@ -17,12 +17,10 @@
 #define FEW_AREA 1e-3      /* pixels a voxel: below, weights shrink with it, so that sums do not overflow */
 /* Voxels that are larger than pixels show their normals' steps, and that their places are steps: from SMALL to LARGE
  * pixels the kernel's radius grows to SMOOTH voxels, or to MOST_PIXELS, and kernels take shapes of their own
- * (tile_tmpl.h), where WIDE_CORE closes gaps. What is covered does not grow: where no core is, footprints are as
- * before. */
+ * (tile_tmpl.h). What is covered does not grow: where no core is, footprints are as before. */
 #define SMALL 2
 #define LARGE 6
 #define SMOOTH 2
-#define WIDE_CORE 0.14 /* added to TC_SPLAT_CORE: circles of 0.866 voxels cover a face that cuts voxels' edges */
 #define MOST_PIXELS 100
 #define WINDOW 2.25 /* kernel radii: in less, slanted surfaces show the steps of their nearest cores */
 
@@ -159,9 +157,8 @@ static void set_kernel(drawing *d) {
   const double pixels = width * (double)g->scale / distance, most = fmax(1, 255 * fmin(1, pixels * pixels / FEW_AREA));
   const double mean = cbrt(size) * (double)g->scale / distance,
                share = fmin(fmax((mean - SMALL) / (LARGE - SMALL), 0), 1);
-  const double voxel = TC_SPLAT_CORE + WIDE_CORE * share;
   const double wide = is_within(d) ? radius : grown_radius(radius, pixels, share);
-  const double covered = fmax(voxel, fmin(1, voxel / radius)), core = covered * radius / wide;
+  const double covered = fmax(TC_SPLAT_CORE, fmin(1, TC_SPLAT_CORE / radius)), core = covered * radius / wide;
   g->radius2 = (float)(wide * wide);
   g->core_root = (float)core;
   g->core = (float)(core * core);

@@ -24,7 +24,7 @@
 #include "renderer/splat/tile.h"
 #include "renderer/tomocast.h"
 
-#define TC_SPLAT_CORE 0.72 /* of a kernel of one voxel; circles of this radius around the voxels of a face cover it */
+#define TC_SPLAT_CORE 0.87 /* of a kernel of one voxel; circles of 0.866 voxels around the voxels of a face cover it, however it lies */
 
 typedef struct tc_splat_counts {
   uint64_t bricks, splats; /* of the model */
