@@ -265,44 +265,44 @@ static void neighbourhoods_hold_their_voxels(void **unused) {
   NEAR(f32, F32, float)
 }
 
-/* 8x6x6 voxels from the lowest row's first, without the rows at both an end of y and an end of z. Pairs of the three places
- * that gradients read: rows of the cell, and beside it along y and along z. */
-static void wide_neighbourhoods_hold_their_voxels(void **unused) {
-#define WIDE(name, NAME, type)                                                                                        \
+/* In memory that holds little beside. The differences of voxels of 16 bits are within 16 bits. */
+static void neighbourhoods_hold_their_slopes(void **unused) {
+#define SLOPES(name, type, cells, bias)                                                                               \
   for (int round = 0; round < ROUNDS / 8; round++) {                                                                  \
-    const int row = 8 + (int)(draw() % 9), slice = 6 * row + (int)(draw() % 30), count = 5 * slice + 6 * row + 8;     \
+    const int row = 8 + (int)(draw() % 9), slice = 6 * row + (int)(draw() % 30), first = slice + 1;                   \
+    const int count = first + 4 * slice + 3 * row + cells + 2, along[] = {1, row, slice};                             \
     type *memory = malloc((size_t)count * sizeof *memory);                                                            \
-    for (int k = 0; k < count; k++) memory[k] = (type)(int)draw();                                                    \
-    const v_wide n = v_wide_load_##name(memory + slice + row, row, slice);                                            \
-    const vi *const from[] = {&n.slice[0], &n.slice[1], &n.slice[2], &n.slice[3], &n.below[0], &n.below[1],           \
-                              &n.above[0], &n.above[1]};                                                              \
-    const int rows[] = {0, 0, 0, 0, -1, -1, 1, 1}, slices[] = {-1, 0, 1, 2, 0, 1, 0, 1};                              \
-    const int which = round % 8, x = (int)(draw() % 3), y = (int)(draw() % 2);                                        \
+    for (int k = 0; k < count; k++)                                                                                   \
+      memory[k] = (type)((type)-1 < 0 ? -0x4000 : 0x8000) + (type)(draw() % 4 ? draw() & 0x7fff : draw() % 2 * 0x7fff); \
+    const v_slopes_##name n = v_slopes_load_##name(memory + first, row, slice);                                       \
+    const int which = round % 3, y = (int)(draw() % 2), z = (int)(draw() % 2);                                        \
     lanes at;                                                                                                         \
-    int cell[V_LANES][3];                                                                                             \
+    int voxel[V_LANES];                                                                                               \
     vf a, b;                                                                                                          \
     for (int k = 0; k < V_LANES; k++) {                                                                               \
-      cell[k][0] = (int)(draw() % 5), cell[k][1] = (int)(draw() % 3), cell[k][2] = (int)(draw() % 3);                 \
-      at.i[k] = cell[k][0] + 8 * cell[k][1] + 32 * cell[k][2];                                                        \
+      const int c[] = {(int)(draw() % cells), (int)(draw() % 3), (int)(draw() % 3)};                                  \
+      at.i[k] = c[0] + (cells == 3 ? 4 * c[1] + 16 * c[2] : 8 * c[1] + 32 * c[2]);                                    \
+      voxel[k] = first + c[0] + (c[1] + y) * row + (c[2] + z) * slice;                                                \
     }                                                                                                                 \
-    v_wide_pair(from[which], to_vi(&at), x + 8 * y, &a, &b);                                                          \
-    lanes pair[2] = {of_vf(a - v_set(V_BIAS_##NAME)), of_vf(b - v_set(V_BIAS_##NAME))};                               \
+    v_slope_pair_##name(&n, which, to_vi(&at), y, z, &a, &b);                                                         \
+    lanes pair[2] = {of_vf(a - v_set(bias)), of_vf(b - v_set(bias))};                                                 \
     for (int k = 0; k < V_LANES; k++)                                                                                 \
       for (int e = 0; e < 2; e++) {                                                                                   \
-        const int at_row = 1 + cell[k][1] + y + rows[which], at_slice = 1 + cell[k][2] + slices[which];               \
-        float wanted = (float)memory[cell[k][0] + x + e + at_row * row + at_slice * slice];                           \
-        if (!same(pair[e].f[k], wanted)) FAIL("v_wide_pair of " #name, k, at.i[k], which, e, pair[e].f[k], wanted);   \
+        const type *v = memory + voxel[k] + e;                                                                        \
+        float wanted = (float)v[along[which]] - (float)v[-along[which]];                                              \
+        if (!same(pair[e].f[k], wanted)) FAIL("v_slope_pair_" #name, k, at.i[k], which, e, pair[e].f[k], wanted);     \
       }                                                                                                               \
     free(memory);                                                                                                     \
   }
-  WIDE(u8, U8, uint8_t)
-  WIDE(i8, I8, int8_t)
-  WIDE(u16, U16, uint16_t)
-  WIDE(i16, I16, int16_t)
+  SLOPES(u8, uint8_t, 5, V_BIAS_SLOPE)
+  SLOPES(i8, int8_t, 5, V_BIAS_SLOPE)
+  SLOPES(u16, uint16_t, 5, V_BIAS_SLOPE)
+  SLOPES(i16, int16_t, 5, V_BIAS_SLOPE)
+  SLOPES(f32, float, 3, 0)
 }
 #else
 static void neighbourhoods_hold_their_voxels(void **unused) {}
-static void wide_neighbourhoods_hold_their_voxels(void **unused) {}
+static void neighbourhoods_hold_their_slopes(void **unused) {}
 #endif
 
 /* Of packets whose rows are `row` pixels apart; memory between them keeps its values. */
@@ -357,7 +357,7 @@ __attribute__((noinline)) static int run(void) {
       cmocka_unit_test(rows_mean_the_same_in_every_lane), cmocka_unit_test(lanes_convert_and_reduce),
       cmocka_unit_test(voxels_are_read_exactly), cmocka_unit_test(tables_are_looked_up_and_lanes_compacted),
       cmocka_unit_test(bilinear_is_exact_at_entries_and_near_between),
-      cmocka_unit_test(neighbourhoods_hold_their_voxels), cmocka_unit_test(wide_neighbourhoods_hold_their_voxels),
+      cmocka_unit_test(neighbourhoods_hold_their_voxels), cmocka_unit_test(neighbourhoods_hold_their_slopes),
       cmocka_unit_test(prefetching_reads_nothing),
       cmocka_unit_test(pixels_are_stored_in_place)};
   return cmocka_run_group_tests(tests, NULL, NULL);

@@ -180,6 +180,12 @@ static void fill_args(tc_cpu_args *a, const tc_frame_job *job) {
   }
 }
 
+/* Whether the differences of its voxels are 16-bit integers. */
+static bool has_short_slopes(const tc_volume *volume) {
+  const tc_volume_stats *s = tc_volume_statistics(volume);
+  return tc_volume_describe(volume)->type != TC_F32 && s->voxel_max - s->voxel_min <= INT16_MAX;
+}
+
 static bool fill_cover(cpu_backend *b, const tc_frame_job *job, tc_cpu_args *a, GError **error) {
   tc_cover *c = &b->cover;
   if (!tc_cover_fill(c, job->have.boxes, job->volume, job->rays, b->pool, error))
@@ -298,6 +304,7 @@ static bool cpu_render(void *instance, const tc_frame_job *job, GError **error) 
   for (int i = 0; i < tc_pool_threads(b->pool); i++) f.workers[i].counts.until_poll = TC_CPU_POLL_STEPS;
   fill_args(&f.cast.args, job);
   f.cast.args.near = b->isa->near;
+  f.cast.args.near_slopes = b->isa->near && has_short_slopes(job->volume);
   f.cast.spans = job->spans, f.cast.width = job->frame->width, f.cast.height = job->frame->height;
   if (job->have.boxes && !fill_cover(b, job, &f.cast.args, error)) {
     free(f.workers);

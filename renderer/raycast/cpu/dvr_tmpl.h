@@ -55,15 +55,15 @@ V_INLINE void cast_packet(const tc_cpu_args *args, variant v, const place *at, v
   int run_end = 0; /* first step behind the occupied run */
   lighting light;
   const bool cell = v.shaded && v.gradient == TC_GRADIENT_CELL;
-  const bool pairs = v.shaded && v.gradient == TC_GRADIENT_CENTRAL;
-  unlit waiting[2]; /* to be shaded */
-  int n_waiting = 0;
+  const bool later = v.shaded && v.gradient == TC_GRADIENT_CENTRAL;
+  waiting w;
   vf slopes[3][3]; /* index gradients at front, back, next */
   vf *const at_front = cell ? slopes[0] : NULL, *const at_back = cell ? slopes[1] : NULL;
   vf *const at_next = cell ? slopes[2] : NULL;
   if (v.shaded) light = start_lighting(args, v, at);
   if (phased(v)) p.lag = lag_of(args, v, at);
   const march m = start_march(args, v, &p, !phased(v)); /* a ray's phase shortens the packet's first segment */
+  if (later) start_waiting(&w, &p, &m, &light);
   if (v.leap) r = start_runs(args, v, &p, at);
   /* A run, too, begins with two rounds that only fetch: they use the neighbourhoods and prefetches of all others. */
   for (int i = v.leap ? 0 : -missing; keep_marching(args, live, counts, i); i++) {
@@ -107,14 +107,18 @@ V_INLINE void cast_packet(const tc_cpu_args *args, variant v, const place *at, v
       continue;
     }
     const ray_segment s = {i, t0, t1, front, back, active, at_front, at_back};
-    vf4 c = pairs ? colour_segment(args, v, &p, &s, counts) : draw_segment(args, v, &p, &light, &s, counts);
+    vf4 c = later ? colour_segment(args, v, &p, &s, counts) : draw_segment(args, v, &p, &light, &s, counts);
     vf weight = v_select(active, clear, v_set(0));
-    if (pairs) {
+    if (later) {
       const vm visible = m_and(active, v_lt(v_set(0), c.a));
       if (m_any(visible)) {
         counts->gradients += (uint64_t)m_count(visible);
-        waiting[n_waiting++] = (unlit){segment_middle_mm(&p, &s), visible, c, weight};
-        if (n_waiting == 2) shade_waiting(args, v.type, &p, &light, waiting, n_waiting, &sum), n_waiting = 0;
+        unlit *const u = &w.segments[w.n++];
+        u->t = segment_middle_mm(&p, &s), u->c = c, u->weight = weight, u->visible = visible, u->i = i;
+#ifdef V_NEAR
+        if (has_slopes(args, v.type)) place_segment(args, v.type, &p, &m, u, &u->to);
+#endif
+        if (w.n == MOST_WAITING) shade_waiting(args, v.type, &w);
       }
     } else {
       sum.r = v_fma(weight, c.r, sum.r);
@@ -130,6 +134,9 @@ V_INLINE void cast_packet(const tc_cpu_args *args, variant v, const place *at, v
     front = back, back = next;
     if (cell) shift_slopes(slopes);
   }
-  if (pairs && n_waiting) shade_waiting(args, v.type, &p, &light, waiting, n_waiting, &sum);
+  if (later) {
+    if (w.n) shade_waiting(args, v.type, &w);
+    sum.r = w.sum[0], sum.g = w.sum[1], sum.b = w.sum[2];
+  }
   *out = finish_rays(args, v, sum, clear);
 }

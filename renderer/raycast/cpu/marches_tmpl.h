@@ -29,6 +29,8 @@
 
 #include "renderer/raycast/cpu/neighbourhood_tmpl.h"
 
+#include "renderer/raycast/cpu/lit_tmpl.h"
+
 #include "renderer/raycast/cpu/termination_tmpl.h"
 
 #include "renderer/raycast/cpu/dvr_tmpl.h"

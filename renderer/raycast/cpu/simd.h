@@ -37,18 +37,20 @@
  *   neighbourhood of V_NEAR_T (4 or 8) x 4 x 4 voxels; v_near_load_T: loads the neighbourhood whose lowest voxel is at
  *   p, with strides `row` and `slice` in voxels along y and z, reading these voxels alone; v_near_pair_T: elements at +
  *   more and at + more + 1 (element x + V_NEAR_T (y + 4 z); from 0 to the last but one, unspecified in a lane outside;
- *   more is even), with V_BIAS_T added to each. v_wide: a neighbourhood of 8x6x6 voxels for gradients, of all types but
- *   f32, without the rows at an end of both y and z; v_wide_load_T: the same whose voxel (0, 1, 1) is at p; v_wide_pair:
- *   elements at + more and the next (element x + 8 y + 32 z, x <= 4, y and z <= 2; more: x + 8 y with x <= 2, y <= 1)
- *   from three slices, with V_BIAS_T added to each.
+ *   more is even), with V_BIAS_T added to each. v_slopes_T: the central differences (the next voxel less the one
+ *   before) along each axis of 6x4x4 voxels (f32: 4x4x4); those of integers must fit 16 bits. v_slopes_load_T: the same
+ *   whose lowest voxel is at p, reading from p - slice - 1 on. v_slope_pair_T: along axis k, those of the voxel (0, y, z)
+ *   beyond element `at` and of its neighbour along x (element x + 8 y + 32 z, x <= 4; f32: x + 4 y + 16 z, x <= 2;
+ *   y and z <= 2), with V_BIAS_SLOPE added to each (f32: nothing).
  * - v_bilinear: reads entries row0, row0 + 1, row1, row1 + 1 (4 floats each) of base, interpolates by fy between rows,
  *   then by fx, each as a + f (b - a) with v_fma: four equal entries give that entry, and fx = fy = 0 gives row0's.
  *
  * Order of a kernel's translation unit: kernels.h, then a simd_*.h, then kernels_tmpl.h or isosurface_kernels_tmpl.h, which
  * include the pieces (*_tmpl.h) bottom-up: clip, packet (rays), field, cubic, filter (samples), preintegration,
  * integrals, subtable, opacity_correction (colour and opacity), jitter, subpixel, segment, shading, gradient, labels, cover
- * (empty-space skipping), neighbourhood (samples of a march), termination, the marches (dvr, back, projection, mpr or
- * isosurface), and last tile (pixels, rows of variants). A piece uses only what precedes it. */
+ * (empty-space skipping), neighbourhood (samples of a march), lit (segments that wait for shading), termination, the
+ * marches (dvr, back, projection, mpr or isosurface), and last tile (pixels, rows of variants). A piece uses only what
+ * precedes it. */
 #ifndef TC_SIMD_H
 #define TC_SIMD_H
 
@@ -129,7 +131,9 @@
 
 #define SIMD_HAS_NEAR(name, type)                                                                                     \
   SIMD_HAS(v_near_##name, v_near_load_##name, const void *, ptrdiff_t, ptrdiff_t);                                    \
-  SIMD_HAS(void, v_near_pair_##name, const v_near_##name *, vi, int, vf *, vf *);
+  SIMD_HAS(void, v_near_pair_##name, const v_near_##name *, vi, int, vf *, vf *);                                    \
+  SIMD_HAS(v_slopes_##name, v_slopes_load_##name, const void *, ptrdiff_t, ptrdiff_t);                                \
+  SIMD_HAS(void, v_slope_pair_##name, const v_slopes_##name *, int, vi, int, int, vf *, vf *);
 #define SIMD_NEAR /* SIMD_VOXELS(SIMD_HAS_NEAR) where V_NEAR is */
 
 #define SIMD_PROVIDED                                                                                                 \

@@ -201,49 +201,81 @@ V_INLINE void v_near_pair_f32(const v_near_floats *n, vi at, int more, vf *a, vf
   *b = v_near_float(n, v_addi(at, v_seti(more + 1)));
 }
 
-/* Neighbourhoods for gradients: 8x6x6 voxels as words, without the edges along x. slice[1 + z]: rows 0 to 3 along y, z from
- * -1 to 4; below[z], above[z]: rows -1 to 2 and 1 to 4, z from 0 to 3. A row is 8 words: a register is 4 rows. */
-typedef struct v_wide { vi slice[6], below[4], above[4]; } v_wide;
+/* Slopes of integers: words with the sign bit flipped. A register is a slice of four rows of 8 words, whose first six are the
+ * slopes along x and whose second to seventh are those along y and z. */
+typedef struct v_slope_words { vi along[3][4]; } v_slope_words;
+typedef v_slope_words v_slopes_u8, v_slopes_i8, v_slopes_u16, v_slopes_i16;
+typedef struct v_slopes_f32 { v_near_floats along[3]; } v_slopes_f32;
+#define V_BIAS_SLOPE (0x1p23f + 32768)
 
-V_INLINE vi v_wide_row(const char *p, int bytes) {
+V_INLINE __m128i v_eight(const char *p, int bytes, bool negative) {
   const __m128i *at = (const __m128i *)(const void *)p;
-  return _mm512_broadcast_i64x2(bytes == 1 ? _mm_cvtepu8_epi16(_mm_loadl_epi64(at)) : _mm_loadu_si128(at));
+  if (bytes == 2) return _mm_loadu_si128(at);
+  return negative ? _mm_cvtepi8_epi16(_mm_loadl_epi64(at)) : _mm_cvtepu8_epi16(_mm_loadl_epi64(at));
 }
-V_INLINE vi v_wide_rows(const char *p, int bytes, ptrdiff_t row) {
-  if (bytes == 1) return _mm512_cvtepu8_epi16(v_four_rows(p, row));
-  vi v = _mm512_castsi128_si512(_mm_loadu_si128((const __m128i *)(const void *)p));
-  v = _mm512_mask_broadcast_i64x2(v, 0x0c, _mm_loadu_si128((const __m128i *)(const void *)(p + row)));
-  v = _mm512_mask_broadcast_i64x2(v, 0x30, _mm_loadu_si128((const __m128i *)(const void *)(p + 2 * row)));
-  return _mm512_mask_broadcast_i64x2(v, 0xc0, _mm_loadu_si128((const __m128i *)(const void *)(p + 3 * row)));
+V_INLINE __m256i v_two_eights(const char *p, ptrdiff_t row) {
+  return _mm256_inserti128_si256(_mm256_castsi128_si256(v_eight(p, 2, false)), v_eight(p + row, 2, false), 1);
 }
-V_INLINE v_wide v_wide_load(const char *p, int bytes, ptrdiff_t row, ptrdiff_t slice, vi flips) {
-  v_wide n;
-  row *= bytes, slice *= bytes;
+V_INLINE vi v_four_eights(const char *p, int bytes, bool negative, ptrdiff_t row) {
+  if (bytes == 1)
+    return negative ? _mm512_cvtepi8_epi16(v_four_rows(p, row)) : _mm512_cvtepu8_epi16(v_four_rows(p, row));
+  return _mm512_inserti64x4(_mm512_castsi256_si512(v_two_eights(p, row)), v_two_eights(p + 2 * row, row), 1);
+}
+/* row, slice: bytes */
+V_INLINE v_slope_words v_slope_words_load(const char *p, int bytes, bool negative, ptrdiff_t row, ptrdiff_t slice) {
+  const vi flip = v_seti((int)0x80008000);
+  vi low[6], high[6];
+  v_slope_words n;
+  p -= bytes;
 #pragma GCC unroll 6
-  for (int k = 0; k < 6; k++) n.slice[k] = _mm512_xor_si512(v_wide_rows(p + (k - 1) * slice, bytes, row), flips);
+  for (int k = 0; k < 6; k++) {
+    low[k] = v_four_eights(p + (k - 1) * slice, bytes, negative, row);
+    high[k] = _mm512_xor_si512(low[k], flip);
+  }
 #pragma GCC unroll 4
-  for (int z = 0; z < 4; z++) {
-    vi low = _mm512_xor_si512(v_wide_row(p + z * slice - row, bytes), flips);
-    vi high = _mm512_xor_si512(v_wide_row(p + z * slice + 4 * row, bytes), flips);
-    n.below[z] = _mm512_alignr_epi64(n.slice[1 + z], low, 6);
-    n.above[z] = _mm512_alignr_epi64(high, n.slice[1 + z], 2);
+  for (int k = 0; k < 4; k++) {
+    vi before = _mm512_broadcast_i64x2(v_eight(p + k * slice - row, bytes, negative));
+    vi behind = _mm512_xor_si512(_mm512_broadcast_i64x2(v_eight(p + k * slice + 4 * row, bytes, negative)), flip);
+    before = _mm512_alignr_epi64(low[1 + k], before, 6);
+    behind = _mm512_alignr_epi64(behind, high[1 + k], 2);
+    n.along[0][k] = _mm512_sub_epi16(_mm512_bsrli_epi128(high[1 + k], 4), low[1 + k]);
+    n.along[1][k] = _mm512_sub_epi16(behind, before);
+    n.along[2][k] = _mm512_sub_epi16(high[2 + k], low[k]);
   }
   return n;
 }
-#define V_WIDE_LOAD(name, type, flips)                                                                                \
-  V_INLINE v_wide v_wide_load_##name(const void *p, ptrdiff_t row, ptrdiff_t slice) {                                 \
-    return v_wide_load((const char *)p, (int)sizeof(type), row, slice, v_seti((int)flips));                           \
+V_INLINE v_slopes_f32 v_slopes_load_f32(const void *voxels, ptrdiff_t row, ptrdiff_t slice) {
+  const float *p = voxels;
+  v_slopes_f32 n;
+#pragma GCC unroll 4
+  for (int k = 0; k < 4; k++, p += slice) {
+    n.along[0].z[k] = v_float_slice(p + 1, row) - v_float_slice(p - 1, row);
+    n.along[1].z[k] = v_float_slice(p + row, row) - v_float_slice(p - row, row);
+    n.along[2].z[k] = v_float_slice(p + slice, row) - v_float_slice(p - slice, row);
   }
-V_WIDE_LOAD(u8, uint8_t, 0)
-V_WIDE_LOAD(i8, int8_t, 0x00800080)
-V_WIDE_LOAD(u16, uint16_t, 0)
-V_WIDE_LOAD(i16, int16_t, 0x80008000)
+  return n;
+}
 
-V_INLINE void v_wide_pair(const vi slices[3], vi at, int more, vf *a, vf *b) {
-  vi both = v_addi(v_near_both(at), v_seti(more * 0x10001));
-  vi words = _mm512_permutex2var_epi16(slices[0], both, slices[1]);
-  words = _mm512_mask_permutexvar_epi16(words, _mm512_test_epi16_mask(both, v_seti(0x00400040)), both, slices[2]);
+V_INLINE void v_slope_pair_words(const v_slope_words *n, int k, vi at, int y, int z, vf *a, vf *b) {
+  vi both = v_addi(v_near_both(at), v_seti((8 * y + (k > 0)) * 0x10001));
+  vi words = _mm512_permutex2var_epi16(n->along[k][z], both, n->along[k][z + 1]);
+  words = _mm512_mask_permutexvar_epi16(words, _mm512_test_epi16_mask(both, v_seti(0x00400040)), both, n->along[k][z + 2]);
   v_biased_words(words, a, b);
+}
+#define V_SLOPES(name, type)                                                                                          \
+  V_INLINE v_slopes_##name v_slopes_load_##name(const void *p, ptrdiff_t row, ptrdiff_t slice) {                      \
+    const ptrdiff_t bytes = sizeof(type);                                                                             \
+    return v_slope_words_load((const char *)p, (int)bytes, (type)-1 < 0, bytes * row, bytes * slice);                 \
+  }                                                                                                                   \
+  V_INLINE void v_slope_pair_##name(const v_slopes_##name *n, int k, vi at, int y, int z, vf *a, vf *b) {             \
+    v_slope_pair_words(n, k, at, y, z, a, b);                                                                         \
+  }
+V_SLOPES(u8, uint8_t)
+V_SLOPES(i8, int8_t)
+V_SLOPES(u16, uint16_t)
+V_SLOPES(i16, int16_t)
+V_INLINE void v_slope_pair_f32(const v_slopes_f32 *n, int k, vi at, int y, int z, vf *a, vf *b) {
+  v_near_pair_f32(&n->along[k], at, 4 * y + 16 * z, a, b);
 }
 
 /* One load fetches two neighbouring entries (32 bytes). Group g holds lanes g, 4+g, 8+g and 12+g, one entry per
