@@ -14,9 +14,9 @@
 
 /* Milliseconds per unit of each term, fitted on two threads of an AMD EPYC (Zen 4). */
 static const double rates[TC_OBJECT_MODES][TC_TERM_COUNT] = {
-    [TC_OBJECT_SPLAT] = {0.136, 0, 0, 0, 0.00136, 0.00654, 0.00549, 0.072, 0},
-    [TC_OBJECT_ISOSURFACE] = {0.0506, 0, 0.00941, 0.000171, 0.00882, 0, 0, 0.00296, 0.0152},
-    [TC_OBJECT_MESH] = {0.00126, 0.000108, 0.00076, 0, 0.00221, 0.0122, 0.0218, 0, 0.00135},
+    [TC_OBJECT_SPLAT] = {0.0439, 0, 0, 0, 0.00121, 0.00626, 0.00312, 0.0743, 0},
+    [TC_OBJECT_ISOSURFACE] = {0.0406, 0, 0.00334, 0.000229, 0.00828, 0, 0, 0.00363, 0.0197},
+    [TC_OBJECT_MESH] = {0.0109, 0.000279, 0, 0, 0.000357, 0.02, 0.013, 0, 0.00239},
 };
 
 tc_mode tc_object_mode_of(tc_object_mode mode) {
