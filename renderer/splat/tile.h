@@ -102,6 +102,8 @@ typedef struct tc_splat_kernels {
 
 extern const tc_splat_kernels tc_splat_scalar, tc_splat_avx2;
 
+/* Brings `farthest` up to date in a box (of the tile): x0, y0, x1, y1. */
+void tc_tile_refresh(tc_splat_tile *tile, const int box[4]);
 /* Whether every pixel of a box (of the tile) already shows something nearer than z, as far as `farthest` knows. */
 bool tc_tile_hides(const tc_splat_tile *tile, int x0, int y0, int x1, int y1, float z);
 /* Depths there have changed. */
