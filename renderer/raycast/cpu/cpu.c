@@ -11,7 +11,11 @@
 #include "renderer/raycast/cpu/isa.h"
 #include "renderer/raycast/cpu/within.h"
 
-#define TILE 32    /* side of a unit of work in pixels; smaller if the unit would take longer than UNIT_MS */
+/* Side of a unit of work in pixels: smaller if a thread would have fewer than LEAST_UNITS, because the frame waits for the
+ * last one, or if the unit would take longer than UNIT_MS. */
+#define TILE 32
+#define SMALL 16 /* least side for the sake of LEAST_UNITS */
+#define LEAST_UNITS 16
 #define SMALLEST 4 /* side of a packet */
 #define UNIT_MS 5
 
@@ -277,7 +281,9 @@ static bool gather_counts(cpu_frame *f, int workers) {
 
 /* Side of a unit in pixels: a unit takes at most UNIT_MS, unless a packet alone takes longer. */
 static int unit_side(const cpu_backend *b, const tc_frame_job *job) {
+  const int64_t pixels = (int64_t)job->frame->width * job->frame->height;
   int side = TILE;
+  while (side > SMALL && pixels < (int64_t)LEAST_UNITS * tc_pool_threads(b->pool) * side * side) side /= 2;
   while (side > SMALLEST && side * side * job->pixel_samples * b->isa->sample_ns > UNIT_MS * 1e6) side /= 2;
   return side;
 }
