@@ -18,6 +18,11 @@
 #define ROW_OF(ROW, name, voxels)                                                                                     \
   ROW(surface_##name, .mode = TC_MODE_ISOSURFACE, .type = voxels, .shaded = BY_KEY, .gradient = BY_KEY,               \
       .leap = BY_KEY, .several = BY_KEY)
+#ifdef TC_ONE_KERNEL /* as in kernels_tmpl.h */
+#define ROWS(ROW)                                                                                                     \
+  ROW(surface, .mode = TC_MODE_ISOSURFACE, .type = BY_KEY, .shaded = BY_KEY, .gradient = BY_KEY, .leap = BY_KEY,      \
+      .several = BY_KEY, .labels = BY_KEY)
+#else
 #define ROWS(ROW)                                                                                                     \
   ROW_OF(ROW, u8, TC_U8)                                                                                              \
   ROW_OF(ROW, i8, TC_I8)                                                                                              \
@@ -26,5 +31,6 @@
   ROW_OF(ROW, f32, TC_F32)                                                                                            \
   ROW(surface_f32_gaps, .mode = TC_MODE_ISOSURFACE, .type = TC_F32, .shaded = BY_KEY, .gradient = BY_KEY,             \
       .leap = BY_KEY, .several = BY_KEY, .labels = TC_PLAN_GAPS)
+#endif
 
 #include "renderer/raycast/cpu/tile_tmpl.h"
