@@ -56,7 +56,11 @@ static void fill_entry(float entry[8], uint32_t label, bool visible, const tc_se
   if (!rgb) rgb = tc_label_palette(&count)[label > 0 ? (label - 1) % TC_LABEL_PALETTE : 0];
   opacity *= visible ? scene->labels.opacity : 0;
   bool linear = scene->image.linear_light && scene->mode != TC_MODE_MPR; /* slices composite in display space */
-  for (int c = 0; c < 3; c++) entry[c] = (float)(opacity * (linear ? tc_srgb_to_linear(rgb[c]) : rgb[c]));
+  for (int c = 0; c < 3; c++) {
+    const double color = linear ? tc_srgb_to_linear(rgb[c]) : rgb[c];
+    entry[c] = (float)(opacity * color);
+    entry[5 + c] = (float)(label > 0 || listed ? color : 0);
+  }
   entry[3] = (float)opacity;
   entry[4] = visible;
 }

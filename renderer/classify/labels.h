@@ -9,7 +9,8 @@
  *   S, A, V = interpolated tint colour (premultiplied), tint opacity and visibility
  *   dvr: extinction * V; colour C becomes C (1 - A/V) + S/V   (a hidden label does not tint its neighbours)
  *   mpr: grey G becomes G (1 - A) + S                          (anatomy is never hidden)
- *   mesh: a label's surface has colour S/A; splat: each voxel of a visible label has its colour S/A
+ *   mesh, splat: a label's surface or voxels have its colour, whatever the opacity of tints; translucent splats have
+ *                opacity A in each millimetre
  * A volume's own gaps (tc_volume_gaps) are treated as labels that only hide, in scenes without a label volume: in dvr
  * as above; in slices and projections, samples with V < 0.5 are ignored. */
 #ifndef TC_CLASSIFY_LABELS_H
@@ -23,7 +24,7 @@
 typedef struct tc_labels {
   uint64_t serial;     /* unique in the process */
   int base, n;         /* entries of the stored voxels base .. base + n - 1; entry n stands for outside */
-  float (*entries)[8]; /* [n + 1]: S r, g, b, A, V, unused */
+  float (*entries)[8]; /* [n + 1]: S r, g, b, A, V, and the label's colour r, g, b */
   GBytes *key;         /* tc_labels_key() */
   size_t bytes;
   double build_ms;

@@ -102,12 +102,11 @@ size_t tc_mesh_sources(const tc_frame_job *job, tc_mesh_source *of) {
   return n;
 }
 
-/* A label's surface has the label's tint colour at full strength; without a tint, the isosurface's colour. */
 static void label_color(const tc_frame_job *job, uint32_t label, float color[3]) {
   const tc_volume_desc *d = tc_volume_describe(job->label_volume);
   const double entry = (label - d->intercept) / d->slope - job->have.labels->base;
   const float *e = job->have.labels->entries[entry >= 0 && entry < job->have.labels->n ? (int)entry : job->have.labels->n];
-  for (int c = 0; c < 3; c++) color[c] = e[3] > 0 ? e[c] / e[3] : job->plan->surface.color[c];
+  memcpy(color, e + 5, 3 * sizeof *color);
 }
 
 /* A part's entry in the scene's list; NULL without a list. */

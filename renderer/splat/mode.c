@@ -72,8 +72,7 @@ static void fetch_ahead(const void *user, const int at[3]) { tc_volume_fetch(((c
 static void set_labels(tc_splat_look *m) {
   for (int i = 0; i < m->n; i++) {
     const float *entry = m->labels->entries[i < m->n - 1 ? i : m->labels->n];
-    for (int c = 0; c < 3; c++)
-      m->table[i][c] = entry[3] > 0 ? entry[c] / entry[3] : 0;
+    memcpy(m->table[i], entry + 5, 3 * sizeof **m->table);
     m->table[i][3] = -logf(1 - fminf(entry[3], 0.999f));
   }
 }

@@ -106,7 +106,7 @@ TEST(labels_have_surfaces_of_their_colours) {
   scene.shading.model = TC_SHADING_NONE;
   scene.isosurface.value = 1e9; /* has no meaning then */
   strcpy(scene.labels.volume, "balls");
-  scene.labels.opacity = 0.25;
+  scene.labels.opacity = 0; /* is of tints alone */
   const tc_render_request request = {.want_linear = true, .want_depth = true, .labels = labels};
   size_t n;
   const double(*palette)[3] = tc_label_palette(&n);
