@@ -94,6 +94,17 @@ static void say_tables(const teller *t) {
   if (t->facts && t->facts->table_builder) add(t, TC_STAGE_TABLE_2D, "; %s", t->facts->table_builder);
 }
 
+/* True, and said of the stage, if the volume has no surface at the scene's value. */
+static bool say_no_surface(const teller *t, tc_stage stage) {
+  const tc_scene *s = t->scene;
+  const tc_volume_stats *range = tc_volume_statistics(t->volume);
+  if (!tc_is_surface(s->mode) || (s->mode == TC_MODE_MESH && (s->mesh.n_surfaces || t->plan->key.labels))) return false;
+  if (tc_surface_exists(t->volume, s)) return false;
+  say(t, stage, false, "empty picture: isosurface.value %.6g is not between the volume's %.6g and %.6g", s->isosurface.value,
+      range->min, range->max);
+  return true;
+}
+
 /* How gradients are computed. */
 static void say_gradient(const teller *t) {
   static const char *const ways[2][TC_GRADIENT_COUNT] = {
@@ -103,16 +114,13 @@ static void say_gradient(const teller *t) {
        "the cubic b-spline's derivative at the hit, once a ray"}};
   const tc_scene *s = t->scene;
   const tc_plan_key *key = &t->plan->key;
-  const tc_volume_stats *range = tc_volume_statistics(t->volume);
+  if (say_no_surface(t, TC_STAGE_GRADIENT)) return;
   if (key->shading && s->mode == TC_MODE_MESH)
     say(t, TC_STAGE_GRADIENT, true, "shading.model is %s: normals of the vertices, once a visible pixel and triangle",
         tc_shading_names[key->shading]);
   else if (key->shading)
     say(t, TC_STAGE_GRADIENT, true, "shading.model is %s: %s%s", tc_shading_names[s->shading.model],
         ways[s->mode == TC_MODE_ISOSURFACE][key->gradient], s->filter == TC_FILTER_CUBIC ? " (the filter's own)" : "");
-  else if (tc_is_surface(s->mode) && !(s->mode == TC_MODE_MESH && s->mesh.n_surfaces) && !tc_surface_exists(t->volume, s))
-    say(t, TC_STAGE_GRADIENT, false, "empty picture: isosurface.value %.6g is not between the volume's %.6g and %.6g",
-        s->isosurface.value, range->min, range->max);
   else
     say(t, TC_STAGE_GRADIENT, false, "shading.model is %s", tc_shading_names[s->shading.model]);
 }
@@ -322,6 +330,12 @@ static void say_splats(const teller *t) {
   char which[64] = "voxels of the visible labels";
   if (!t->plan->key.labels)
     snprintf(which, sizeof which, "voxels of %.6g to %.6g", s->splat.threshold[0], s->splat.threshold[1]);
+  const tc_volume_stats *range = tc_volume_statistics(t->volume);
+  if (!t->plan->key.labels && (s->splat.threshold[0] > range->max || s->splat.threshold[1] < range->min)) {
+    say(t, TC_STAGE_SPLATS, false, "empty picture: no voxel is within splat.threshold, %.6g to %.6g; the volume's values are %.6g to %.6g",
+        s->splat.threshold[0], s->splat.threshold[1], range->min, range->max);
+    return;
+  }
   say(t, TC_STAGE_SPLATS, true, "%s as runs; %s, kernel of %.3g voxels; %s", which, s->splat.opaque ? "surface as splats" : "all as splats, in sheets", s->splat.kernel_radius,
       !s->splat.opaque ? "nothing hides" : s->splat.culling ? "what is hidden is left out first" : "culling is off");
 }
@@ -372,7 +386,7 @@ static void say_mesh(const teller *t) {
   else if (in)
     say(t, TC_STAGE_MESH, true, "the surface at %.6g as triangles in clusters",
         t->scene->isosurface.value);
-  else
+  else if (t->scene->mode != TC_MODE_MESH || !say_no_surface(t, TC_STAGE_MESH))
     say(t, TC_STAGE_MESH, false, "mode %s draws no triangles", tc_mode_names[t->scene->mode]);
   if (in && t->facts && t->facts->triangles_in_full)
     add(t, TC_STAGE_MESH, "; levels of detail within %.3g pixels: %zu of %zu triangles", t->plan->mesh_pixels,

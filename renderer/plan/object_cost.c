@@ -176,9 +176,9 @@ bool tc_object_cost_of(const tc_volume *volume, const tc_scene *scene, int width
   cost->terms[TC_TERM_PIXELS] = (double)width * height / 1000;
   if (!walk_all(&w, width, height, cancel)) return false;
   double *t = cost->terms;
+  if (!(t[TC_TERM_HITS] > 0)) return false;
   t[TC_TERM_STEPS] /= mean, t[TC_TERM_NEAR] /= mean;
-  if (t[TC_TERM_HITS] > 0)
-    t[TC_TERM_APART] = t[TC_TERM_NEAR] * fmin(sqrt(t[TC_TERM_SEEN] / t[TC_TERM_HITS]), MOST_APART);
+  t[TC_TERM_APART] = t[TC_TERM_NEAR] * fmin(sqrt(t[TC_TERM_SEEN] / t[TC_TERM_HITS]), MOST_APART);
   for (int m = 0; m < TC_OBJECT_MODES; m++) {
     for (int i = 0; i < TC_TERM_COUNT; i++) cost->ms[m] += rates[m][i] * cost->terms[i];
     if (cost->ms[m] < cost->ms[cost->cheapest]) cost->cheapest = (tc_object_mode)m;

@@ -38,7 +38,7 @@ typedef struct tc_object_cost {
  * grid; the threshold is splat.threshold's lower end, or the iso value. */
 bool tc_is_object(const tc_volume *volume, const tc_scene *scene);
 
-/* False: the scene is no such object, or *cancel became true. Takes a few milliseconds. cancel: may be NULL. */
+/* False: the scene is no such object, nothing of it is in view, or *cancel became true. Takes a few milliseconds. cancel: may be NULL. */
 bool tc_object_cost_of(const tc_volume *volume, const tc_scene *scene, int width, int height, const atomic_bool *cancel,
                        tc_object_cost *cost);
 /* Multiplies the milliseconds of each mode by its factor and finds the cheapest mode again. */

@@ -274,6 +274,15 @@ static bool write_file(job *j, GError **error) {
   return good;
 }
 
+/* An empty picture is no error, but its cause is said. */
+static void print_emptiness(const job *j) {
+  for (int i = 0; i < TC_STAGE_COUNT; i++)
+    if (g_str_has_prefix(j->plan.stages[i].reason, "empty picture")) {
+      fprintf(stderr, "tomocast render: %s\n", j->plan.stages[i].reason);
+      return;
+    }
+}
+
 static void print_timing(const job *j) {
   const tc_frame_stats *s = &j->frame.stats;
   printf("%s: %d x %d, %s %s, import %.1f ms, tables %.1f ms, skip %.1f ms, render %.1f ms, encode %.1f ms, "
@@ -293,6 +302,7 @@ static bool run(job *j, int argc, char **argv, GError **error) {
   const tc_render_request request = {.labels = j->labels, .meshes = j->meshes, .explanation = &j->plan};
   if (!tc_render(j->renderer, j->volume, &j->scene, &request, &j->frame, error)) return false;
   if (!encode(j, error) || !write_file(j, error)) return false;
+  print_emptiness(j);
   if (j->args.timing) print_timing(j);
   return true;
 }

@@ -191,6 +191,18 @@ TEST(same_picture_twice) {
   g_free(b);
 }
 
+TEST(an_empty_picture_is_explained) {
+  static const char *const empty[][2] = {{"mode=mesh", "isosurface.value=99999"},
+                                         {"mode=isosurface", "isosurface.value=99999"},
+                                         {"mode=splat", "splat.threshold=[99998,99999]"}};
+  for (int i = 0; i < 3; i++) {
+    outcome o = RUN("render", "demo:head", "--set", "image.width=16", "--set", "image.height=16", "--set", empty[i][0], "--set", empty[i][1]);
+    if (!strstr(o.err, "tomocast render: empty picture: ") || !strstr(o.err, "99999") || !strstr(o.err, "2122")) fail_msg("%s: %s", empty[i][0], o.err);
+    assert_int_equal(o.code, 0);
+    outcome_clear(&o);
+  }
+}
+
 TEST(timing_is_printed) {
   outcome o = RUN("render", "demo:bucky", "--timing", "--backend", "cpu", "--width", "16", "--height", "16");
   assert_true(strstr(o.out, "render.png: 16 x 16, cpu") && strstr(o.out, "Msamples"));

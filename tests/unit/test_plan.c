@@ -267,7 +267,9 @@ TEST_WITH(the_cheaper_mode_is_named, set_up, tear_down) {
   const atomic_bool over = true;
   assert_false(tc_object_cost_of(f->volume, &f->scene, 480, 480, &over, &c));
   assert_true(c.terms[TC_TERM_RAYS] == 0); /* it walked none */
-  f->scene.mode = TC_MODE_DVR;
+  f->scene.splat.threshold[0] = 1e6;
+  assert_false(tc_object_cost_of(f->volume, &f->scene, 24, 24, NULL, &c)); /* no object to be seen */
+  f->scene.splat.threshold[0] = 100, f->scene.mode = TC_MODE_DVR;
   assert_false(tc_object_cost_of(f->volume, &f->scene, 480, 480, NULL, &c));
 }
 
