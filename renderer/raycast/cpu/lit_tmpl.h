@@ -1,5 +1,5 @@
 /* Segments that wait to be shaded by central gradients. A march only notes them, and all of a packet's are shaded together
- * whenever MOST_WAITING have gathered: the march keeps its registers, and shading in pairs leaves the processor less idle. One
+ * whenever MOST_WAITING have gathered: the march keeps its registers, and the processor works at several segments at once. One
  * function per voxel type, called and not inlined. */
 
 #define MOST_WAITING 16
@@ -76,24 +76,21 @@ V_INLINE void find_gradients(const tc_cpu_args *args, int type, waiting *w) {
   }
 }
 
-/* Shades the waiting segments and adds their colours to the sums, in order. */
+/* Shades the waiting segments and adds their colours to the sums, in order. In rounds of few operations, because a segment's are
+ * a chain: the processor then works at several segments at once. */
 V_INLINE void shade_segments(const tc_cpu_args *args, int type, waiting *w) {
+  facet facets[MOST_WAITING];
   find_gradients(args, type, w);
-  if (w->n % 2) w->segments[w->n] = w->segments[w->n - 1];
-  for (int first = 0; first < w->n; first += 2) {
-    const unlit *const s = &w->segments[first];
-    vf4 c[2] = {s[0].c, s[1].c};
-    vf gradient[2][3];
-    for (int k = 0; k < 3; k++) gradient[0][k] = s[0].to.f[k], gradient[1][k] = s[1].to.f[k];
-    shade_all(&args->shade, &w->light, 2, gradient, c);
-#pragma GCC unroll 2
-    for (int e = 0; e < 2; e++) {
-      if (first + e == w->n) break;
-      w->sum[0] = v_fma(s[e].weight, c[e].r, w->sum[0]);
-      w->sum[1] = v_fma(s[e].weight, c[e].g, w->sum[1]);
-      w->sum[2] = v_fma(s[e].weight, c[e].b, w->sum[2]);
-    }
+  for (int k = 0; k < w->n; k++) facets[k] = facet_of(&args->shade, &w->light, w->segments[k].to.f);
+  vf sum[3] = {w->sum[0], w->sum[1], w->sum[2]};
+  for (int k = 0; k < w->n; k++) {
+    const unlit *const s = &w->segments[k];
+    const vf4 c = shade_facet(&args->shade, &facets[k], s->c);
+    sum[0] = v_fma(s->weight, c.r, sum[0]);
+    sum[1] = v_fma(s->weight, c.g, sum[1]);
+    sum[2] = v_fma(s->weight, c.b, sum[2]);
   }
+  for (int k = 0; k < 3; k++) w->sum[k] = sum[k];
   w->n = 0;
 }
 

@@ -30,69 +30,63 @@ V_INLINE lighting start_lighting(const tc_cpu_args *args, variant v, const place
 }
 
 /* mirror^shininess. mirror: 0..1. A whole exponent takes few multiplications. */
-V_INLINE void glints(const tc_shade *s, int n, const vf mirror[], vf glint[]) {
+V_INLINE vf glint_of(const tc_shade *s, vf mirror) {
   const int whole = (int)s->shininess;
-  if ((float)whole == s->shininess && whole < 128) {
-    vf x[2];
-    for (int k = 0; k < n; k++) x[k] = mirror[k], glint[k] = v_set(1);
-    for (int left = whole; left; left >>= 1) {
-      for (int k = 0; k < n; k++) {
-        if (left & 1) glint[k] = glint[k] * x[k];
-        x[k] = x[k] * x[k];
-      }
-    }
-    return;
+  if ((float)whole != s->shininess || whole >= 128)
+    return exp2_approx(v_set(s->shininess) * log2_approx(v_max(mirror, v_set(1e-30f))));
+  vf glint = v_set(1);
+  for (int left = whole; left; left >>= 1) {
+    if (left & 1) glint = glint * mirror;
+    mirror = mirror * mirror;
   }
-  for (int k = 0; k < n; k++)
-    glint[k] = exp2_approx(v_set(s->shininess) * log2_approx(v_max(mirror[k], v_set(1e-30f))));
+  return glint;
 }
 
-/* Shades n <= 2 colours, operation by operation, because one is a chain of dependent operations that leaves the processor
- * idle. sum: of the index gradients at the segment's ends. */
-V_INLINE void shade_all(const tc_shade *s, const lighting *l, int n, vf sum[][3], vf4 c[]) {
-#define EACH _Pragma("GCC unroll 2") for (int k = 0; k < n; k++)
-  vf normal[2][3], size[2], inverse[2], x[2], w[2], facing[2], lit[2], mirror[2], glint[2], q[2], factor[2], add[2];
+/* What a segment's gradient alone decides: how far it counts as a surface (0..1), and the cosines of the angles between its
+ * normal and the light, and its normal and the halfway vector. */
+typedef struct facet { vf steep, lit, mirror; } facet;
+
+/* sum: of the index gradients at the segment's ends. */
+V_INLINE facet facet_of(const tc_shade *s, const lighting *l, const vf sum[3]) {
+  vf normal[3];
 #pragma GCC unroll 3
   for (int r = 0; r < 3; r++) {
     const float *m = s->gradient[r];
-    EACH normal[k][r] = v_fma(v_set(m[2]), sum[k][2], v_fma(v_set(m[1]), sum[k][1], v_set(m[0]) * sum[k][0]));
+    normal[r] = v_fma(v_set(m[2]), sum[2], v_fma(v_set(m[1]), sum[1], v_set(m[0]) * sum[0]));
   }
-  EACH size[k] = v_sqrt(dot(normal[k], normal[k]));
-  EACH inverse[k] = v_set(1) / v_max(size[k], v_set(1e-18f));
-  EACH x[k] = v_min(v_max((size[k] - v_set(s->flat)) * v_set(s->inverse_steep), v_set(0)), v_set(1));
-  EACH w[k] = x[k] * x[k] * (v_set(3) - x[k] - x[k]);
-  EACH facing[k] = dot(normal[k], l->eye) * inverse[k];
-  EACH lit[k] = v_abs(facing[k]), mirror[k] = lit[k];
+  const vf size = v_sqrt(dot(normal, normal)), inverse = v_set(1) / v_max(size, v_set(1e-18f));
+  const vf x = v_min(v_max((size - v_set(s->flat)) * v_set(s->inverse_steep), v_set(0)), v_set(1));
+  const vf facing = dot(normal, l->eye) * inverse;
+  facet f = {x * x * (v_set(3) - x - x), v_abs(facing), v_abs(facing)};
   if (!s->head_light) {
     const vf light[3] = {v_set(s->light[0]), v_set(s->light[1]), v_set(s->light[2])};
-    EACH {
-      vf towards = v_select(v_lt(facing[k], v_set(0)), v_set(0) - inverse[k], inverse[k]);
-      lit[k] = towards * dot(normal[k], light);
-      mirror[k] = towards * dot(normal[k], l->half);
-    }
+    const vf towards = v_select(v_lt(facing, v_set(0)), v_set(0) - inverse, inverse);
+    f.lit = towards * dot(normal, light);
+    f.mirror = towards * dot(normal, l->half);
   }
-  EACH glint[k] = v_set(0), q[k] = v_max(lit[k], v_set(s->least));
+  return f;
+}
+
+V_INLINE vf4 shade_facet(const tc_shade *s, const facet *f, vf4 c) {
+  vf glint = v_set(0), q = v_max(f->lit, v_set(s->least));
   if (s->specular > 0) {
-    EACH mirror[k] = v_min(v_max(mirror[k], v_set(0)), v_set(1));
-    glints(s, n, mirror, glint);
-    EACH glint[k] = v_select(v_lt(v_set(0), lit[k]), v_set(s->specular) * glint[k], v_set(0));
+    glint = v_set(s->specular) * glint_of(s, v_min(v_max(f->mirror, v_set(0)), v_set(1)));
+    glint = v_select(v_lt(v_set(0), f->lit), glint, v_set(0));
   }
-  EACH factor[k] = v_fma(w[k], v_fma(v_set(s->factor[1]), q[k], v_set(s->factor[0])) - v_set(1), v_set(1));
-  EACH add[k] = w[k] * c[k].a;
+  const vf factor = v_fma(f->steep, v_fma(v_set(s->factor[1]), q, v_set(s->factor[0])) - v_set(1), v_set(1));
+  const vf add = f->steep * c.a;
 #pragma GCC unroll 3
   for (int r = 0; r < 3; r++) {
-    EACH {
-      vf *channel = r == 0 ? &c[k].r : r == 1 ? &c[k].g : &c[k].b;
-      vf glow = v_fma(v_set(s->glow[1][r]), q[k], v_set(s->glow[0][r])) + glint[k];
-      *channel = v_min(v_max(v_fma(add[k], glow, *channel * factor[k]), v_set(0)), c[k].a);
-    }
+    vf *channel = r == 0 ? &c.r : r == 1 ? &c.g : &c.b;
+    vf glow = v_fma(v_set(s->glow[1][r]), q, v_set(s->glow[0][r])) + glint;
+    *channel = v_min(v_max(v_fma(add, glow, *channel * factor), v_set(0)), c.a);
   }
-#undef EACH
+  return c;
 }
 
 /* front, back: index gradients at the segment's ends. */
 V_INLINE vf4 shade(const tc_shade *s, const lighting *l, const vf front[3], const vf back[3], vf4 c) {
-  vf sum[1][3] = {{front[0] + back[0], front[1] + back[1], front[2] + back[2]}};
-  shade_all(s, l, 1, sum, &c);
-  return c;
+  const vf sum[3] = {front[0] + back[0], front[1] + back[1], front[2] + back[2]};
+  const facet f = facet_of(s, l, sum);
+  return shade_facet(s, &f, c);
 }
