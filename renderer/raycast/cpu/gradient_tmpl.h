@@ -1,18 +1,19 @@
 /* Gradients in index coordinates for shading: central differences, and the derivative of the cubic B-spline. The gradient
  * of the trilinear cell comes with the sample (field_tmpl.h). One function per voxel type, called and not inlined. */
 
-/* Central differences between the voxels on either side, twice the derivative, at a cell's corners: [y, z] as in corners. */
+/* Central differences between the voxels on either side, twice the derivative, at a cell's corners: [y, z] as in corners.
+ * more: how much larger they are at the next corner along x. */
 typedef struct slopes {
-  vf a[3][4], b[3][4];
+  vf at[3][4], more[3][4];
 } slopes;
 
-/* The slopes interpolated trilinearly. bias: of all slopes. */
-V_INLINE void interpolate_slopes(const slopes *s, const vf f[3], float bias, vf gradient[3]) {
+/* The slopes interpolated trilinearly. */
+V_INLINE void interpolate_slopes(const slopes *s, const vf f[3], vf gradient[3]) {
 #pragma GCC unroll 3
   for (int k = 0; k < 3; k++) {
     vf x[4];
 #pragma GCC unroll 4
-    for (int i = 0; i < 4; i++) x[i] = v_fma(f[0], s->b[k][i] - s->a[k][i], s->a[k][i] - v_set(bias));
+    for (int i = 0; i < 4; i++) x[i] = v_fma(f[0], s->more[k][i], s->at[k][i]);
     vf low = v_fma(f[1], x[1] - x[0], x[0]), high = v_fma(f[1], x[3] - x[2], x[2]);
     gradient[k] = v_fma(f[2], high - low, low);
   }
@@ -41,14 +42,14 @@ V_INLINE void gather_central(const tc_cpu_args *args, int type, const vf q[3], v
 #pragma GCC unroll 4
   for (int i = 0; i < 4; i++) {
     const int y = 1 + (i & 1), z = 1 + (i >> 1);
-    s.a[0][i] = (v[z][y][2] - v[z][y][0]) * twice[0][0];
-    s.b[0][i] = (v[z][y][3] - v[z][y][1]) * twice[0][1];
-    s.a[1][i] = (v[z][y + 1][1] - v[z][y - 1][1]) * twice[1][y - 1];
-    s.b[1][i] = (v[z][y + 1][2] - v[z][y - 1][2]) * twice[1][y - 1];
-    s.a[2][i] = (v[z + 1][y][1] - v[z - 1][y][1]) * twice[2][z - 1];
-    s.b[2][i] = (v[z + 1][y][2] - v[z - 1][y][2]) * twice[2][z - 1];
+    s.at[0][i] = (v[z][y][2] - v[z][y][0]) * twice[0][0];
+    s.more[0][i] = (v[z][y][3] - v[z][y][1]) * twice[0][1] - s.at[0][i];
+    s.at[1][i] = (v[z][y + 1][1] - v[z][y - 1][1]) * twice[1][y - 1];
+    s.more[1][i] = (v[z][y + 1][2] - v[z][y - 1][2]) * twice[1][y - 1] - s.at[1][i];
+    s.at[2][i] = (v[z + 1][y][1] - v[z - 1][y][1]) * twice[2][z - 1];
+    s.more[2][i] = (v[z + 1][y][2] - v[z - 1][y][2]) * twice[2][z - 1] - s.at[2][i];
   }
-  interpolate_slopes(&s, f, 0, gradient);
+  interpolate_slopes(&s, f, gradient);
 }
 
 #ifdef V_NEAR
@@ -90,7 +91,7 @@ V_INLINE vm slope_places(int type, const int base[3], const vi cell[3], vi *at) 
         v_slopes_load_##name((const voxel *)args->grid.voxels + first, args->grid.row, args->grid.slice);             \
     _Pragma("GCC unroll 4") for (int i = 0; i < 4; i++)                                                               \
       _Pragma("GCC unroll 3") for (int k = 0; k < 3; k++)                                                             \
-        v_slope_pair_##name(&n, k, at, i & 1, i >> 1, &s->a[k][i], &s->b[k][i]);                                      \
+        v_slope_pair_##name(&n, k, at, i & 1, i >> 1, &s->at[k][i], &s->more[k][i]);                                  \
   }
 SIMD_VOXELS(NEAR_SLOPES)
 
@@ -105,7 +106,7 @@ V_INLINE void near_central(const tc_cpu_args *args, int type, ptrdiff_t first, v
   case TC_I16: near_slopes_i16(args, first, at, &s); break;
   default: near_slopes_f32(args, first, at, &s); break;
   }
-  interpolate_slopes(&s, f, type == TC_F32 ? 0 : V_BIAS_SLOPE, gradient);
+  interpolate_slopes(&s, f, gradient);
 }
 
 /* The least position along each axis of the lanes in `needs`. */

@@ -39,9 +39,9 @@
  *   more and at + more + 1 (element x + V_NEAR_T (y + 4 z); from 0 to the last but one, unspecified in a lane outside;
  *   more is even), with V_BIAS_T added to each. v_slopes_T: the central differences (the next voxel less the one
  *   before) along each axis of 6x4x4 voxels (f32: 4x4x4); those of integers must fit 16 bits. v_slopes_load_T: the same
- *   whose lowest voxel is at p, reading from p - slice - 1 on. v_slope_pair_T: along axis k, those of the voxel (0, y, z)
- *   beyond element `at` and of its neighbour along x (element x + 8 y + 32 z, x <= 4; f32: x + 4 y + 16 z, x <= 2;
- *   y and z <= 2), with V_BIAS_SLOPE added to each (f32: nothing).
+ *   whose lowest voxel is at p, reading from p - slice - 1 on. v_slope_pair_T: along axis k, that of the voxel (0, y, z)
+ *   beyond element `at`, and how much larger that of its neighbour along x is (element x + 8 y + 32 z, x <= 4; f32:
+ *   x + 4 y + 16 z, x <= 2; y and z <= 2).
  * - v_bilinear: reads entries row0, row0 + 1, row1, row1 + 1 (4 floats each) of base, interpolates by fy between rows,
  *   then by fx, each as a + f (b - a) with v_fma: four equal entries give that entry, and fx = fy = 0 gives row0's.
  *

@@ -201,12 +201,11 @@ V_INLINE void v_near_pair_f32(const v_near_floats *n, vi at, int more, vf *a, vf
   *b = v_near_float(n, v_addi(at, v_seti(more + 1)));
 }
 
-/* Slopes of integers: words with the sign bit flipped. A register is a slice of four rows of 8 words, whose first six are the
- * slopes along x and whose second to seventh are those along y and z. */
+/* Slopes of integers are words. A register is a slice of four rows of 8, whose first six are the slopes along x and whose
+ * second to seventh are those along y and z. */
 typedef struct v_slope_words { vi along[3][4]; } v_slope_words;
 typedef v_slope_words v_slopes_u8, v_slopes_i8, v_slopes_u16, v_slopes_i16;
 typedef struct v_slopes_f32 { v_near_floats along[3]; } v_slopes_f32;
-#define V_BIAS_SLOPE (0x1p23f + 32768)
 
 V_INLINE __m128i v_eight(const char *p, int bytes, bool negative) {
   const __m128i *at = (const __m128i *)(const void *)p;
@@ -223,24 +222,20 @@ V_INLINE vi v_four_eights(const char *p, int bytes, bool negative, ptrdiff_t row
 }
 /* row, slice: bytes */
 V_INLINE v_slope_words v_slope_words_load(const char *p, int bytes, bool negative, ptrdiff_t row, ptrdiff_t slice) {
-  const vi flip = v_seti((int)0x80008000);
-  vi low[6], high[6];
+  vi at[6];
   v_slope_words n;
   p -= bytes;
 #pragma GCC unroll 6
-  for (int k = 0; k < 6; k++) {
-    low[k] = v_four_eights(p + (k - 1) * slice, bytes, negative, row);
-    high[k] = _mm512_xor_si512(low[k], flip);
-  }
+  for (int k = 0; k < 6; k++) at[k] = v_four_eights(p + (k - 1) * slice, bytes, negative, row);
 #pragma GCC unroll 4
   for (int k = 0; k < 4; k++) {
     vi before = _mm512_broadcast_i64x2(v_eight(p + k * slice - row, bytes, negative));
-    vi behind = _mm512_xor_si512(_mm512_broadcast_i64x2(v_eight(p + k * slice + 4 * row, bytes, negative)), flip);
-    before = _mm512_alignr_epi64(low[1 + k], before, 6);
-    behind = _mm512_alignr_epi64(behind, high[1 + k], 2);
-    n.along[0][k] = _mm512_sub_epi16(_mm512_bsrli_epi128(high[1 + k], 4), low[1 + k]);
+    vi behind = _mm512_broadcast_i64x2(v_eight(p + k * slice + 4 * row, bytes, negative));
+    before = _mm512_alignr_epi64(at[1 + k], before, 6);
+    behind = _mm512_alignr_epi64(behind, at[1 + k], 2);
+    n.along[0][k] = _mm512_sub_epi16(_mm512_bsrli_epi128(at[1 + k], 4), at[1 + k]);
     n.along[1][k] = _mm512_sub_epi16(behind, before);
-    n.along[2][k] = _mm512_sub_epi16(high[2 + k], low[k]);
+    n.along[2][k] = _mm512_sub_epi16(at[2 + k], at[k]);
   }
   return n;
 }
@@ -256,26 +251,29 @@ V_INLINE v_slopes_f32 v_slopes_load_f32(const void *voxels, ptrdiff_t row, ptrdi
   return n;
 }
 
-V_INLINE void v_slope_pair_words(const v_slope_words *n, int k, vi at, int y, int z, vf *a, vf *b) {
+V_INLINE void v_slope_pair_words(const v_slope_words *n, int k, vi at, int y, int z, vf *slope, vf *more) {
   vi both = v_addi(v_near_both(at), v_seti((8 * y + (k > 0)) * 0x10001));
   vi words = _mm512_permutex2var_epi16(n->along[k][z], both, n->along[k][z + 1]);
   words = _mm512_mask_permutexvar_epi16(words, _mm512_test_epi16_mask(both, v_seti(0x00400040)), both, n->along[k][z + 2]);
-  v_biased_words(words, a, b);
+  *slope = v_float(_mm512_madd_epi16(words, v_seti(1)));
+  *more = v_float(_mm512_madd_epi16(words, v_seti(0x0001ffff))); /* the upper word less the lower */
 }
 #define V_SLOPES(name, type)                                                                                          \
   V_INLINE v_slopes_##name v_slopes_load_##name(const void *p, ptrdiff_t row, ptrdiff_t slice) {                      \
     const ptrdiff_t bytes = sizeof(type);                                                                             \
     return v_slope_words_load((const char *)p, (int)bytes, (type)-1 < 0, bytes * row, bytes * slice);                 \
   }                                                                                                                   \
-  V_INLINE void v_slope_pair_##name(const v_slopes_##name *n, int k, vi at, int y, int z, vf *a, vf *b) {             \
-    v_slope_pair_words(n, k, at, y, z, a, b);                                                                         \
+  V_INLINE void v_slope_pair_##name(const v_slopes_##name *n, int k, vi at, int y, int z, vf *slope, vf *more) {      \
+    v_slope_pair_words(n, k, at, y, z, slope, more);                                                                  \
   }
 V_SLOPES(u8, uint8_t)
 V_SLOPES(i8, int8_t)
 V_SLOPES(u16, uint16_t)
 V_SLOPES(i16, int16_t)
-V_INLINE void v_slope_pair_f32(const v_slopes_f32 *n, int k, vi at, int y, int z, vf *a, vf *b) {
-  v_near_pair_f32(&n->along[k], at, 4 * y + 16 * z, a, b);
+V_INLINE void v_slope_pair_f32(const v_slopes_f32 *n, int k, vi at, int y, int z, vf *slope, vf *more) {
+  vf next;
+  v_near_pair_f32(&n->along[k], at, 4 * y + 16 * z, slope, &next);
+  *more = next - *slope;
 }
 
 /* One load fetches two neighbouring entries (32 bytes). Group g holds lanes g, 4+g, 8+g and 12+g, one entry per
