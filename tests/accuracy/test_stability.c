@@ -6,11 +6,7 @@
 
 #include "tests/support/judge.h"
 
-#ifdef __SANITIZE_ADDRESS__
-enum { USUAL_SCENES = 150 };
-#else
-enum { USUAL_SCENES = 500 };
-#endif
+enum { USUAL_SCENES = SANITIZED ? 150 : 500 };
 
 static bool still_fails(test_case *c) { return !test_judge(c, TEST_ON_ALL); }
 

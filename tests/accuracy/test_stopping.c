@@ -10,11 +10,7 @@
 
 /* Of processor time, since others may have the processor meanwhile, on a machine that takes FIXED_WORK_US for
  * fixed_work(); a slower machine may take longer in proportion. */
-#ifdef __SANITIZE_ADDRESS__
-enum { MOST_DEAF_US = 200000 };
-#else
-enum { MOST_DEAF_US = 20000 };
-#endif
+enum { MOST_DEAF_US = SANITIZED ? 200000 : 20000 };
 enum { FIXED_WORK_US = 5000 };
 
 /* All threads': what they do after the wish is no less than what the answer waits for, whoever else has the processor. */

@@ -192,11 +192,7 @@ TEST(projections_average_whole_rays) {
 /* ---- wood grain ---- */
 
 /* References of whole pictures take long under a checker, which has seen all there is after one. */
-#ifdef __SANITIZE_ADDRESS__
-enum { MOST_DEMOS = 1 };
-#else
-enum { MOST_DEMOS = 9 };
-#endif
+enum { MOST_DEMOS = SANITIZED ? 1 : 9 };
 
 /* Mean of channel k of a - b over the pixels within r of (x, y). */
 static double mean_around(const float *a, const float *b, int width, int x, int y, int r, int k) {
@@ -274,7 +270,7 @@ TEST(no_rings_on_lit_surfaces) {
     double rings[2], mean[2];
     scene.shading.model = TC_SHADING_BLINN_PHONG;
     for (int gradient = 0; gradient < TC_GRADIENT_COUNT; gradient++) {
-      const bool slow = gradient == TC_GRADIENT_CUBIC ? i > 0 : gradient == TC_GRADIENT_CENTRAL && i == 1;
+      const bool slow = gradient == TC_GRADIENT_CUBIC ? SANITIZED || i > 0 : gradient == TC_GRADIENT_CENTRAL && i == 1;
       if (slow && !getenv("TC_LONG")) continue;
       scene.shading.gradient = (tc_gradient)gradient;
       g_autofree float *want = reference_mean(volume, &scene, &(tc_subpixel){0}, 1, 1e-5);

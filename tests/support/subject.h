@@ -7,11 +7,7 @@
 #include "tests/support/renderers.h"
 #include "tests/support/test.h"
 
-#ifdef __SANITIZE_ADDRESS__
-enum { CASES = 60 };
-#else
-enum { CASES = 300 };
-#endif
+enum { CASES = SANITIZED ? 60 : 300 };
 
 /* A case that every back end draws, with larger pictures than cases have: of several units. */
 typedef struct subject {

@@ -40,6 +40,14 @@ static inline int run_all_tests(CMFixtureFunction set_up, CMFixtureFunction tear
   return _cmocka_run_group_tests(__FILE__, all_tests, n_tests, set_up, tear_down);
 }
 
+/* Whether a checker of memory watches, which makes code several times slower. It wants every path, not every case: figures are
+ * judged without it. */
+#ifdef __SANITIZE_ADDRESS__
+enum { SANITIZED = 1 };
+#else
+enum { SANITIZED = 0 };
+#endif
+
 /* Skips a test if the machine lacks what it needs. */
 #define needs(what) do { if (!(what)) skip(); } while (0)
 /* For files with their own GError `error`. */
