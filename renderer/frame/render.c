@@ -181,6 +181,7 @@ static bool collect_one(drawing *d, tc_resource which, GError **error) {
 static bool collect(drawing *d, GError **error) {
   make_plan(d);
   d->job.mesh_in_view = tc_plan_has(&d->plan, TC_RESOURCE_MESH) && tc_mesh_in_view(&d->job);
+  if (d->job.scene->mode == TC_MODE_MESH && !d->job.mesh_in_view) tc_plan_drop(&d->plan, TC_RESOURCE_MINMAX); /* nothing is extracted */
   d->facts.empty_share = -1;
   for (int i = 0; i < TC_RESOURCE_COUNT; i++) {
     if (!tc_plan_has(&d->plan, (tc_resource)i)) continue;

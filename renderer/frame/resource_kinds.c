@@ -291,6 +291,7 @@ static bool mesh_go_on(void *thing, const tc_making *m, GError **error) {
   const bool labels = of_labels(m->job);
   const size_t n = labels ? 0 : sources_of(m->job, of);
   const tc_surfaces_wish wish = {.volume = m->job->source,
+                                 .blocks = m->job->volume == m->job->source ? m->job->have.minmax : NULL,
                                  .labels = m->job->label_volume,
                                  .sources = labels ? NULL : of,
                                  .n_sources = n,
@@ -494,6 +495,7 @@ const tc_resource_kind tc_resource_kinds[TC_RESOURCE_COUNT] = {
                             .begin = labels_begin,
                             .bytes = labels_bytes},
     [TC_RESOURCE_MESH] = {.store = {"surface mesh", free_clusters, free_surfaces, false},
+                          .needs = BIT(MINMAX),
                           .key = mesh_key,
                           .tied = mesh_tied,
                           .begin = mesh_begin,

@@ -1,16 +1,14 @@
 /* Isosurface extraction (mesh.h) in three parallel passes over rows of voxels:
- *   inside   a bit per voxel;
+ *   inside   a bit per voxel; voxels of blocks (skip.h) wholly on one side are not read;
  *   count    vertices (crossed edges) of each row, triangles of each brick of cells; prefix sums give the number of the first ones;
  *   fill     writes vertices and triangles. A vertex's number is its row's first number plus the crossed edges before it. */
-#ifdef __SSE2__
-#include <emmintrin.h>
-#endif
 #include <math.h>
 #include <stdlib.h>
 #include <string.h>
 
 #include "renderer/mesh/bricks.h"
 #include "renderer/mesh/cases.h"
+#include "renderer/mesh/inside.h"
 #include "renderer/mesh/mesh.h"
 
 #define NEAREST (1.0 / 1024) /* least distance of a vertex from the ends of its edge, as a share of the edge */
@@ -18,7 +16,7 @@
 #define BRICK_LINES 6 /* cache lines of a brick's triangles that are prefetched */
 #define AHEAD 2 /* rows whose voxels are prefetched */
 
-typedef uint64_t word; /* 64 voxels of a row */
+typedef tc_side_word word;
 
 /* Row of voxels (y, z): numbers of its first vertices on edges along x, y and z and in the centres of the cells between this
  * row, the next one and the two above. Before the prefix sum: counts. */
@@ -35,8 +33,7 @@ typedef struct extraction {
   tc_voxel_type type;
   int dims[3], words;  /* words of a row */
   float level, turn;   /* inside: turn * voxel >= level */
-  float least, most;   /* inside: voxels from least to most, both exact in the voxels' type; most < least: none */
-  word *inside;        /* [z][y][words]; bits beyond the row repeat its last voxel */
+  tc_inside inside;
   const uint8_t *gaps; /* [z][y][x], tc_volume_gaps; NULL: the volume has none */
   row *rows;           /* [z][y] */
   tc_bricks bricks;
@@ -51,7 +48,7 @@ typedef struct extraction {
 } extraction;
 
 static size_t row_at(const extraction *e, int y, int z) { return (size_t)z * (size_t)e->dims[1] + (size_t)y; }
-static const word *bits_at(const extraction *e, int y, int z) { return e->inside + row_at(e, y, z) * (size_t)e->words; }
+static const word *bits_at(const extraction *e, int y, int z) { return e->inside.bits + row_at(e, y, z) * (size_t)e->words; }
 
 /* The callers pass a constant voxel type, so that the compiler makes one version for each type. */
 #define FOR_A_TYPE static inline __attribute__((always_inline))
@@ -71,63 +68,6 @@ FOR_A_TYPE float voxel_of(const extraction *e, tc_voxel_type type, size_t i) {
 
 static float voxel_at(const extraction *e, int x, int y, int z) {
   return voxel_of(e, e->type, row_at(e, y, z) * (size_t)e->dims[0] + (size_t)x);
-}
-
-/* ---- inside ---- */
-
-/* Packs sixteen bytes of 0 or 255 into sixteen bits, first byte lowest. */
-static word gather_bits(const uint8_t *bytes) {
-#ifdef __SSE2__
-  return (word)_mm_movemask_epi8(_mm_loadu_si128((const __m128i *)(const void *)bytes));
-#else
-  word half[2];
-  memcpy(half, bytes, sizeof half);
-  for (int i = 0; i < 2; i++) half[i] = (half[i] & 0x0101010101010101u) * 0x0102040810204080u >> 56;
-  return half[0] | half[1] << 8;
-#endif
-}
-
-static word word_of(const uint8_t flags[64]) {
-  word all = 0;
-  for (int i = 0; i < 4; i++) all |= gather_bits(flags + 16 * i) << 16 * i;
-  return all;
-}
-
-/* Compares in the voxels' own type, without widening. */
-#define ROW_OF_BITS(name, type)                                                                                        \
-  static void bits_##name(const extraction *e, const type *v, word *out) {                                             \
-    const type least = (type)e->least, most = (type)e->most;                                                           \
-    uint8_t flags[64];                                                                                                 \
-    int left = e->dims[0];                                                                                             \
-    for (; left >= 64; left -= 64, v += 64) {                                                                          \
-      for (int i = 0; i < 64; i++) flags[i] = v[i] >= least && v[i] <= most ? 255 : 0;                                 \
-      *out++ = word_of(flags);                                                                                         \
-    }                                                                                                                  \
-    if (left == 0) return;                                                                                             \
-    for (int i = 0; i < left; i++) flags[i] = v[i] >= least && v[i] <= most ? 255 : 0;                                 \
-    memset(flags + left, flags[left - 1], (size_t)(64 - left));                                                        \
-    *out = word_of(flags);                                                                                             \
-  }
-ROW_OF_BITS(u8, uint8_t)
-ROW_OF_BITS(i8, int8_t)
-ROW_OF_BITS(u16, uint16_t)
-ROW_OF_BITS(i16, int16_t)
-ROW_OF_BITS(f32, float)
-
-static void find_inside(void *context, int z, int worker) {
-  extraction *e = context;
-  for (int y = 0; y < e->dims[1]; y++) {
-    const size_t at = row_at(e, y, z) * (size_t)e->dims[0];
-    word *out = e->inside + row_at(e, y, z) * (size_t)e->words;
-    switch (e->type) {
-    case TC_U8: bits_u8(e, (const uint8_t *)e->voxels + at, out); break;
-    case TC_I8: bits_i8(e, (const int8_t *)e->voxels + at, out); break;
-    case TC_U16: bits_u16(e, (const uint16_t *)e->voxels + at, out); break;
-    case TC_I16: bits_i16(e, (const int16_t *)e->voxels + at, out); break;
-    case TC_F32:
-    case TC_VOXEL_TYPE_COUNT: bits_f32(e, (const float *)e->voxels + at, out); break;
-    }
-  }
 }
 
 /* ---- cells ---- */
@@ -169,6 +109,14 @@ static word blank_cells(const extraction *e, const cell_row *c, int w) {
     blank |= (word)any << (x & 63);
   }
   return blank;
+}
+
+/* True if no edge from the row of voxels, and no cell from there on, is crossed. */
+static bool is_quiet(const extraction *e, int y, int z) {
+  const bool more_y = y + 1 < e->dims[1], more_z = z + 1 < e->dims[2];
+  const uint8_t *sides = e->inside.sides, side = sides[row_at(e, y, z)];
+  return side != TC_SIDE_MIXED && side == sides[row_at(e, y + more_y, z)] && side == sides[row_at(e, y, z + more_z)] &&
+         side == sides[row_at(e, y + more_y, z + more_z)];
 }
 
 /* The cells of word w that the surface passes through. Bits beyond a row repeat its last voxel, so that the cells
@@ -232,6 +180,7 @@ static void count_row(extraction *e, int y, int z) {
   const word *here = bits_at(e, y, z), *side = has[1] ? bits_at(e, y + 1, z) : here,
              *above = has[2] ? bits_at(e, y, z + 1) : here;
   *r = (row){{0}};
+  if (is_quiet(e, y, z)) return;
   for (int w = 0; w < e->words; w++) {
     int voxels = e->dims[0] - 64 * w;
     word there = voxels >= 64 ? ~(word)0 : ((word)1 << voxels) - 1;
@@ -452,6 +401,7 @@ static void make_triangles(const extraction *e, int y, int z) {
 }
 
 static void fill_row(const extraction *e, int y, int z) {
+  if (is_quiet(e, y, z)) return;
   switch (e->type) {
   case TC_U8: make_vertices(e, TC_U8, y, z); break;
   case TC_I8: make_vertices(e, TC_I8, y, z); break;
@@ -487,21 +437,6 @@ static void fill_bar(void *context, int task, int worker) {
 
 /* ---- all ---- */
 
-/* turn * voxel >= level as a range of voxels. */
-static void set_range(extraction *e) {
-  static const float bounds[TC_VOXEL_TYPE_COUNT][2] = {[TC_U8] = {0, 255},
-                                                       [TC_I8] = {-128, 127},
-                                                       [TC_U16] = {0, 65535},
-                                                       [TC_I16] = {-32768, 32767},
-                                                       [TC_F32] = {-INFINITY, INFINITY}};
-  const float least = bounds[e->type][0], most = bounds[e->type][1];
-  const float level =
-      e->type == TC_F32 ? e->level : ceilf(e->level); /* for integers the next integer is the threshold */
-  e->least = e->turn > 0 ? fmaxf(level, least) : least;
-  e->most = e->turn > 0 ? most : fminf(-level, most);
-  if (e->least > most || e->most < least) e->least = most, e->most = least;
-}
-
 static bool left_handed(const extraction *e) {
   const double(*m)[3] = e->to_mm;
   return m[0][0] * (m[1][1] * m[2][2] - m[1][2] * m[2][1]) - m[0][1] * (m[1][0] * m[2][2] - m[1][2] * m[2][0]) +
@@ -516,7 +451,6 @@ static void set_up(extraction *e, const tc_volume *volume, double iso) {
   if (tc_volume_gaps(volume)) e->gaps = tc_volume_data(tc_volume_gaps(volume));
   e->turn = d->slope > 0 ? 1 : -1;
   e->level = (float)((iso - d->intercept) / d->slope) * e->turn;
-  set_range(e);
   for (int k = 0; k < 3; k++) {
     e->dims[k] = d->dims[k];
     e->middle[k] = 0.5 * (d->dims[k] - 1);
@@ -555,13 +489,12 @@ static bool make_mesh(extraction *e, const tc_mesh_options *options, GError **er
 static bool extract(extraction *e, const tc_mesh_options *options, GError **error) {
   size_t rows = (size_t)e->dims[1] * (size_t)e->dims[2];
   e->rows = malloc(rows * sizeof *e->rows);
-  e->inside = malloc(rows * (size_t)e->words * sizeof *e->inside);
   const bool begun = tc_bricks_begin(&e->bricks, (const int[3]){e->dims[0] - 1, e->dims[1] - 1, e->dims[2] - 1});
-  if (!e->rows || !e->inside || !begun) {
+  if (!e->rows || !begun) {
     tc_set_error(error, TC_ERROR_MEMORY, NULL, "isosurface: out of memory");
     return false;
   }
-  if (!tc_pool_run(options->pool, e->dims[2], find_inside, e)) return tc_halt_say(tc_pool_halt(options->pool), error);
+  if (!tc_inside_find(&e->inside, e->volume, e->turn, e->level, options->blocks, options->pool, error)) return false;
   tc_share_done(&options->share, 0.2);
   if (!tc_pool_run(options->pool, e->bars[0] * e->bars[1], count_bar, e)) return tc_halt_say(tc_pool_halt(options->pool), error);
   tc_share_done(&options->share, 0.5);
@@ -578,7 +511,7 @@ tc_mesh *tc_mesh_extract(const tc_volume *volume, double iso, const tc_mesh_opti
   if (e.dims[0] < 2 || e.dims[1] < 2 || e.dims[2] < 2) return tc_mesh_new(0, 0, options->normals, error); /* no cells */
   bool made = extract(&e, options, error);
   free(e.rows);
-  free(e.inside);
+  tc_inside_end(&e.inside);
   tc_bricks_end(&e.bricks);
   if (made) return e.mesh;
   tc_mesh_free(e.mesh);

@@ -12,6 +12,7 @@
 #include "renderer/base/building.h"
 #include "renderer/base/error.h"
 #include "renderer/base/pool.h"
+#include "renderer/skip/skip.h"
 #include "renderer/volume/volume.h"
 
 typedef struct tc_mesh {
@@ -51,6 +52,7 @@ uint64_t tc_mesh_bytes(size_t n_vertices, size_t n_triangles, bool normals);
 typedef struct tc_mesh_options {
   bool normals;       /* from the field's gradient, in mm */
   uint64_t max_bytes; /* limit on the mesh's size: TC_ERROR_LIMIT, with the number of triangles, above it; 0 = no limit */
+  const tc_minmax *blocks; /* complete, of the volume; voxels of blocks without the value are not read. NULL: all are */
   tc_pool *pool;      /* NULL: runs on the caller. The pool's halt ends the extraction (TC_ERROR_CANCELLED or _PAUSED) */
   tc_share share;     /* reports progress */
 } tc_mesh_options;

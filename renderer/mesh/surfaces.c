@@ -122,8 +122,10 @@ static tc_mesh *copy_with_normals(const tc_mesh *mesh, uint64_t max_bytes, GErro
 
 static tc_mesh *make_mesh(const tc_surfaces_wish *wish, const tc_mesh_source *of, const tc_label_boxes *boxes,
                           const tc_mesh_options *options, GError **error) {
+  tc_mesh_options of_value = *options;
+  of_value.blocks = wish->blocks;
   switch (of->kind) {
-  case TC_SURFACE_OF_VALUE: return tc_mesh_extract(wish->volume, of->iso, options, error);
+  case TC_SURFACE_OF_VALUE: return tc_mesh_extract(wish->volume, of->iso, &of_value, error);
   case TC_SURFACE_OF_PLANE: return tc_mesh_of_plane(wish->volume, of->plane, error);
   case TC_SURFACE_OF_LABEL: return tc_mesh_extract_label(wish->labels, of->label, boxes, options, error);
   case TC_SURFACE_OF_MESH: return copy_with_normals(of->mesh, options->max_bytes, error);

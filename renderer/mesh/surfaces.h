@@ -7,6 +7,7 @@
 
 typedef struct tc_surfaces_wish {
   const tc_volume *volume; /* source of isosurfaces; positions are relative to its centre */
+  const tc_minmax *blocks; /* of the volume; NULL: isosurfaces are extracted without */
   const tc_volume *labels; /* integer label volume; NULL if no source needs one */
   const tc_mesh_source *sources; /* [n_sources]; NULL: every label but 0 for which shows() is true */
   size_t n_sources;

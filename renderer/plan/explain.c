@@ -147,6 +147,8 @@ static void say_skipping(const teller *t) {
   }
   if (s->skipping.mode == TC_SKIPPING_OFF)
     say(t, TC_STAGE_SKIPPING, false, "skipping.mode is off");
+  else if (s->mode == TC_MODE_MESH && tc_plan_has(t->plan, TC_RESOURCE_MINMAX))
+    say(t, TC_STAGE_SKIPPING, true, "extraction reads no block whose values are all on one side of the surface");
   else if (s->mode == TC_MODE_MESH)
     say(t, TC_STAGE_SKIPPING, false, "clusters of triangles outside the view, facing away or hidden are left out instead");
   else if (s->mode == TC_MODE_ISOSURFACE)

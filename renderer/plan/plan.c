@@ -160,6 +160,16 @@ static tc_shading_model model_of(const tc_scene *s) {
   return model;
 }
 
+/* Extraction reads the blocks through which the surface passes; labels have a field of their own. */
+static void plan_extraction(tc_plan *plan, const tc_volume *volume, const tc_scene *s) {
+  bool extracts = !s->mesh.n_surfaces && !plan->key.labels && tc_surface_exists(volume, s);
+  for (size_t i = 0; i < s->mesh.n_surfaces; i++)
+    extracts |= s->mesh.surfaces[i].source == TC_SURFACE_OF_VALUE && tc_mesh_surface_shows(&s->mesh.surfaces[i]);
+  if (!extracts || s->skipping.mode != TC_SKIPPING_AUTO) return;
+  plan->block = tc_skip_block(s->skipping.block);
+  need(plan, TC_RESOURCE_MINMAX);
+}
+
 static void plan_mesh(tc_plan *plan, const tc_volume *volume, const tc_scene *s, const tc_plan_request *request) {
   plan_object(plan, volume);
   plan_view(plan, volume, s);
@@ -168,6 +178,7 @@ static void plan_mesh(tc_plan *plan, const tc_volume *volume, const tc_scene *s,
   if (!s->mesh.n_surfaces || lists_labels(s)) plan_labels(plan, s);
   if (plan->key.labels || s->mesh.n_surfaces || tc_surface_exists(volume, s))
     plan->key.shading = (uint8_t)model_of(s);
+  plan_extraction(plan, volume, s);
   need_mesh(plan, request);
 }
 

@@ -71,6 +71,7 @@ typedef struct tc_plan_request {
 void tc_plan_make(const tc_volume *volume, const tc_scene *scene, const tc_plan_request *request, tc_plan *plan);
 
 static inline bool tc_plan_has(const tc_plan *plan, tc_resource resource) { return plan->resources >> resource & 1; }
+static inline void tc_plan_drop(tc_plan *plan, tc_resource resource) { plan->resources &= ~(1u << resource); }
 
 /* The one validator of scenes: TC_ERROR_UNSUPPORTED, TC_ERROR_INVALID or TC_ERROR_LIMIT with a pointer to the member that
  * cannot be rendered. valid: a scene of the same volume that passed earlier, or NULL; lists shared with it are not

@@ -368,7 +368,7 @@ static void come_beside(tc_renderer *r) {
   g_auto(tc_scene) scene;
   test_scene(&scene, 160, 120);
   test_scene_frame(&scene, f.volume, TC_PERSPECTIVE, (double[3]){0.5, -1, 0.3});
-  scene.mode = TC_MODE_MESH, scene.isosurface.value = ISO;
+  scene.mode = TC_MODE_MESH, scene.isosurface.value = ISO, scene.skipping.mode = TC_SKIPPING_OFF;
   draw(r, &scene, 0, &full, &plan);
   assert_false(has_levels(&plan));
   const uint64_t before = plan.stages[TC_STAGE_MESH].bytes;
@@ -419,7 +419,7 @@ TEST(levels_need_memory_and_rest) {
     g_auto(tc_scene) scene;
     test_scene(&scene, 60, 60);
     test_scene_frame(&scene, f.volume, TC_PERSPECTIVE, (double[3]){0.5, -1, 0.3});
-    scene.mode = TC_MODE_MESH, scene.isosurface.value = ISO;
+    scene.mode = TC_MODE_MESH, scene.isosurface.value = ISO, scene.skipping.mode = TC_SKIPPING_OFF;
     for (int n = 0; n < 5; n++) draw(r, &scene, i, &frame, &plan);
     assert_true(tc_renderer_cached(r) == f.full->bytes && !has_levels(&plan));
   }

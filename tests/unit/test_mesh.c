@@ -81,11 +81,27 @@ static tc_volume *make(const int dims[3], tc_voxel_type type, const double spaci
 static const double even[3] = {1, 1, 1}, straight[9] = {1, 0, 0, 0, 1, 0, 0, 0, 1},
                     mirrored[9] = {-1, 0, 0, 0, 1, 0, 0, 0, 1}, oblique[9] = {0.8, -0.6, 0, 0.6, 0.8, 0, 0, 0, 1};
 
+static void check_equal(const tc_mesh *a, const tc_mesh *b) {
+  assert_true(a->n_vertices == b->n_vertices && a->n_triangles == b->n_triangles);
+  assert_memory_equal(a->positions, b->positions, a->n_vertices * sizeof *a->positions);
+  assert_memory_equal(a->normals, b->normals, a->n_vertices * sizeof *a->normals);
+  assert_memory_equal(a->triangles, b->triangles, a->n_triangles * sizeof *a->triangles);
+}
+
+/* The mesh, which is the same with min-max blocks of any width. */
 static tc_mesh *extract(const tc_volume *v, double iso, int threads) {
+  static int width = 2;
   GError *error = NULL;
   tc_mesh_options options = {.normals = true, .pool = threads ? tc_pool_new(threads, NULL) : NULL};
   tc_mesh *m = tc_mesh_extract(v, iso, &options, &error);
   if (!m) fail_msg("%s", error->message);
+  tc_minmax *blocks = tc_minmax_build(v, width % 6 + 2, width & 1, options.pool, NULL);
+  width++;
+  options.blocks = blocks;
+  tc_mesh *again = tc_mesh_extract(v, iso, &options, &error);
+  check_equal(m, again);
+  tc_mesh_free(again);
+  tc_minmax_free(blocks);
   tc_pool_free(options.pool);
   return m;
 }
@@ -313,9 +329,7 @@ TEST(random_fields_are_manifolds) {
         check_manifold(v, m);
         measure(m, &area, &volume, &normal); /* none without area, values of exactly the surface's included */
         assert_true(m->n_vertices == again->n_vertices && m->n_triangles == again->n_triangles);
-        assert_memory_equal(m->positions, again->positions, m->n_vertices * sizeof *m->positions);
-        assert_memory_equal(m->normals, again->normals, m->n_vertices * sizeof *m->normals);
-        assert_memory_equal(m->triangles, again->triangles, m->n_triangles * sizeof *m->triangles);
+        check_equal(m, again);
         tc_mesh_free(m);
         tc_mesh_free(again);
       }
@@ -533,6 +547,42 @@ TEST(ambiguous_faces_follow_the_field) {
     g_autoptr(tc_mesh) m = extract(v, 0, 0);
     check_manifold(v, m);
     assert_int_equal(m->n_triangles, joined ? 4 : 2); /* a bridge between the corners, or a piece at each */
+  }
+}
+
+/* A second volume has another ball, in blocks that lie on one side of the surface in the first one: with the first one's blocks
+ * the second ball is not found, so its voxels were not read. */
+TEST(blocks_on_one_side_are_not_read) {
+  for (int type = 0; type < TC_VOXEL_TYPE_COUNT; type++) {
+    tc_volume *v[2];
+    for (int i = 0; i < 2; i++) {
+      tc_volume_desc d = {.type = (tc_voxel_type)type, .slope = 1, .frames = 1, .dims = {300, 40, 40}, .spacing = {1, 1, 1},
+                          .direction = {1, 0, 0, 0, 1, 0, 0, 0, 1}};
+      v[i] = tc_volume_new(&d, NULL);
+      for (int at = 0; at < 300 * 40 * 40; at++) {
+        const int x = at % 300, y = at / 300 % 40, z = at / 300 / 40;
+        const double ball = 10 - hypot(hypot(x - 40, y - 20), z - 20), other = i ? 10 - hypot(hypot(x - 200, y - 20), z - 20) : 0;
+        const double value = fmax(fmax(ball, other) * 10, 0);
+        switch (type) {
+        case TC_U8: ((uint8_t *)tc_volume_voxels(v[i]))[at] = (uint8_t)value; break;
+        case TC_I8: ((int8_t *)tc_volume_voxels(v[i]))[at] = (int8_t)value; break;
+        case TC_U16: ((uint16_t *)tc_volume_voxels(v[i]))[at] = (uint16_t)value; break;
+        case TC_I16: ((int16_t *)tc_volume_voxels(v[i]))[at] = (int16_t)value; break;
+        default: ((float *)tc_volume_voxels(v[i]))[at] = (float)value;
+        }
+      }
+      tc_volume_seal(v[i]);
+    }
+    tc_mesh *one = extract(v[0], 50.5, 2), *two = extract(v[1], 50.5, 2);
+    assert_true(two->n_triangles > one->n_triangles * 3 / 2);
+    tc_minmax *blocks = tc_minmax_build(v[0], TC_SKIP_BLOCK, 0, NULL, NULL);
+    tc_mesh *unread = tc_mesh_extract(v[1], 50.5, &(tc_mesh_options){.normals = true, .blocks = blocks}, NULL);
+    check_equal(one, unread);
+    tc_mesh_free(one);
+    tc_mesh_free(two);
+    tc_mesh_free(unread);
+    tc_minmax_free(blocks);
+    for (int i = 0; i < 2; i++) tc_volume_unref(v[i]);
   }
 }
 
