@@ -81,8 +81,9 @@ typedef struct tc_label_boxes {
 tc_label_boxes *tc_label_boxes_find(const tc_volume *labels, tc_pool *pool, GError **error);
 
 /* Extracts the smooth surface of one label of an integer volume (others: TC_ERROR_INVALID): the zero set of the smoothed
- * signed distance to the label's boundary, interpolated between outlines where slices are far apart. Centres of the label's
- * voxels stay inside and those of all other voxels outside, so that thin parts survive and gaps stay open. The surface is
+ * signed distance to the label's boundary. Centres of the label's voxels stay inside and those of all other voxels outside, so that
+ * thin parts survive and gaps stay open. Where slices are more than twice as far apart as pixels, the surface is interpolated
+ * between their outlines, and leaves them by at most a quarter of the distance of slices and two pixels. The surface is
  * closed, at the volume's faces too. A label that does not occur gives a mesh without triangles. boxes: those of the
  * volume; NULL: computed. */
 tc_mesh *tc_mesh_extract_label(const tc_volume *labels, uint32_t label, const tc_label_boxes *boxes,

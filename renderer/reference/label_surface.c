@@ -2,10 +2,13 @@
  * ray asks for it: where the trilinear field of voxels F is 0.
  *
  * s: the signed distance from a voxel's centre to the nearest one of the other side, above 0 in the label, at most 15 times the
- * finest spacing. Only axes count along which voxels are at most 2 finest spacings apart. F is s filtered along those axes by
- * 2 g - g * g, g binomial over 7 voxels, with the sign of s: each voxel keeps its side.
+ * finest spacing. Only axes count along which voxels are at most 2 finest spacings apart. F is s filtered by 2 g - g * g, g
+ * binomial over 7 voxels along axes that count and over 3 along others. If all count, F takes the sign of s: each voxel keeps its
+ * side. Otherwise F is limited to o - m .. o + m, with o the distance from the outline, half a finest spacing less than s, and m the
+ * least of a quarter of the largest spacing, two finest spacings, and half of the largest |o| on the voxel's side within two voxels
+ * along the axes that count.
  *
- * Since it does, only cells whose corners are of both sides have a surface, and F is needed near those alone: it is computed in
+ * A voxel more than two voxels from the other side keeps its side, so that F is needed near outlines alone: it is computed in
  * blocks of 8 x 8 x 8 voxels, each when it is first asked for, in about 2 ms. */
 #include <math.h>
 #include <stdlib.h>
@@ -13,8 +16,9 @@
 
 #include "renderer/reference/internal.h"
 
-enum { BLOCK = 8, RADIUS = 6, REACH = 15, MARGIN = 4, TAPS = 2 * RADIUS + 1 };
+enum { BLOCK = 8, RADIUS = 6, FAR_RADIUS = 2, REACH = 15, MARGIN = 4, AROUND = 2, TAPS = 2 * RADIUS + 1 };
 #define COARSE 2.0
+#define SLACK 0.25
 #define LEAST 1e-9 /* of the finest spacing: what is outside is below 0 */
 
 typedef double *values; /* [BLOCK][BLOCK][BLOCK] */
@@ -25,7 +29,8 @@ struct tc_ref_smooth {
   tc_volume_desc desc; /* the label's box and MARGIN voxels around */
   int first[3];        /* the label volume's voxel that is its first */
   double label, finest, ratio[3]; /* mm; spacing in finest ones, 0 along axes that do not count */
-  double weight[TAPS];
+  double weight[2][TAPS]; /* of the filter, and of that across slices that lie far apart */
+  double slack;        /* mm; 0: each voxel keeps its side */
   int blocks[3];
   _Atomic(values) *block; /* [blocks[2]][blocks[1]][blocks[0]] */
 };
@@ -127,11 +132,13 @@ static bool is_member(const tc_ref_smooth *s, int x, int y, int z) {
 
 /* Which voxels are of the label: of a block that begins at `from`, and as far around as it reaches. */
 static bool find_members(const tc_ref_smooth *s, const int from[3], box *members) {
-  for (int k = 0; k < 3; k++) members->n[k] = BLOCK + (s->ratio[k] > 0 ? 2 * (RADIUS + REACH) : 0);
+  int before[3];
+  for (int k = 0; k < 3; k++) {
+    before[k] = RADIUS + (s->ratio[k] > 0 ? REACH : 0);
+    members->n[k] = BLOCK + 2 * before[k];
+  }
   members->at = malloc((size_t)members->n[0] * (size_t)members->n[1] * (size_t)members->n[2] * sizeof *members->at);
   size_t i = 0;
-  const int before[3] = {s->ratio[0] > 0 ? RADIUS + REACH : 0, s->ratio[1] > 0 ? RADIUS + REACH : 0,
-                         s->ratio[2] > 0 ? RADIUS + REACH : 0};
   for (int z = 0; z < members->n[2] && members->at; z++)
     for (int y = 0; y < members->n[1]; y++)
       for (int x = 0; x < members->n[0]; x++)
@@ -160,19 +167,50 @@ static bool sign_distances(const tc_ref_smooth *s, const box *members, box *out)
   return good;
 }
 
+/* F of a voxel of the block where slices are far apart; outline: s of the block and RADIUS voxels around. */
+static double keep_near(const tc_ref_smooth *s, const box *outline, const int at[3], double smooth) {
+  double depth = 0;
+  const double half = 0.5 * s->finest;
+  int around[3];
+  for (int k = 0; k < 3; k++) around[k] = s->ratio[k] > 0 ? AROUND : 0;
+  const size_t row = stride_of(outline, 1), plane = stride_of(outline, 2);
+  const double *centre = outline->at + (size_t)(at[0] + RADIUS) + (size_t)(at[1] + RADIUS) * row + (size_t)(at[2] + RADIUS) * plane;
+  const double own = *centre;
+  for (int z = -around[2]; z <= around[2]; z++)
+    for (int y = -around[1]; y <= around[1]; y++)
+      for (int x = -around[0]; x <= around[0]; x++) {
+        const double there = centre[x + y * (ptrdiff_t)row + z * (ptrdiff_t)plane];
+        if ((there > 0) == (own > 0)) depth = fmax(depth, fabs(there));
+      }
+  const double from = own > 0 ? own - half : own + half, most = fmin(s->slack, (depth - half) / 2);
+  return fmin(fmax(smooth, from - most), from + most);
+}
+
 static values make_block(const tc_ref_smooth *s, const int from[3]) {
-  box members = {0}, field = {0};
+  box members = {0}, field = {0}, outline = {0};
   bool good = find_members(s, from, &members) && sign_distances(s, &members, &field);
   free(members.at);
+  if (good && s->slack > 0) {
+    const size_t bytes = stride_of(&field, 2) * (size_t)field.n[2] * sizeof *field.at;
+    outline = field;
+    good = (outline.at = malloc(bytes)) != NULL;
+    if (good) memcpy(outline.at, field.at, bytes);
+  }
   for (int k = 0; k < 3 && good; k++) {
-    if (s->ratio[k] > 0) along(&field, k, 2 * RADIUS, s->weight, filter_line);
+    along(&field, k, 2 * RADIUS, s->weight[!(s->ratio[k] > 0)], filter_line);
     good = field.at != NULL;
   }
-  if (!good) g_clear_pointer(&field.at, free);
   for (int i = 0; i < BLOCK * BLOCK * BLOCK && good; i++) {
-    const bool inside = is_member(s, from[0] + i % BLOCK, from[1] + i / BLOCK % BLOCK, from[2] + i / BLOCK / BLOCK);
-    field.at[i] = inside ? fabs(field.at[i]) : -fmax(fabs(field.at[i]), LEAST * s->finest);
+    const int at[3] = {i % BLOCK, i / BLOCK % BLOCK, i / BLOCK / BLOCK};
+    if (s->slack > 0) {
+      field.at[i] = keep_near(s, &outline, at, field.at[i]);
+    } else {
+      const bool inside = is_member(s, from[0] + at[0], from[1] + at[1], from[2] + at[2]);
+      field.at[i] = inside ? fabs(field.at[i]) : -fmax(fabs(field.at[i]), LEAST * s->finest);
+    }
   }
+  free(outline.at);
+  if (!good) g_clear_pointer(&field.at, free);
   return field.at;
 }
 
@@ -194,10 +232,15 @@ double tc_ref_smooth_at(const tc_ref_smooth *s, const size_t at[3]) {
 }
 
 int tc_ref_smooth_side(const tc_ref_smooth *s, const size_t low[3]) {
-  int inside = 0;
-  for (int corner = 0; corner < 8; corner++)
-    inside += is_member(s, (int)low[0] + (corner & 1), (int)low[1] + (corner >> 1 & 1), (int)low[2] + (corner >> 2));
-  return inside == 8 ? 1 : inside == 0 ? -1 : 0;
+  int inside = 0, all = 0, around[3];
+  for (int k = 0; k < 3; k++) around[k] = s->slack > 0 && s->ratio[k] > 0 ? AROUND : 0;
+  for (int z = -around[2]; z <= 1 + around[2]; z++)
+    for (int y = -around[1]; y <= 1 + around[1]; y++)
+      for (int x = -around[0]; x <= 1 + around[0]; x++, all++) {
+        inside += is_member(s, (int)low[0] + x, (int)low[1] + y, (int)low[2] + z);
+        if (inside && inside <= all) return 0;
+      }
+  return inside == all ? 1 : inside == 0 ? -1 : 0;
 }
 
 const tc_volume_desc *tc_ref_smooth_desc(const tc_ref_smooth *s) { return &s->desc; }
@@ -211,6 +254,8 @@ static void place(tc_ref_smooth *s, const tc_ref_extent_of_label *where) {
     s->blocks[k] = (s->desc.dims[k] + BLOCK - 1) / BLOCK;
     s->ratio[k] = d->spacing[k] <= COARSE * s->finest ? d->spacing[k] / s->finest : 0;
   }
+  const double widest = fmax(fmax(d->spacing[0], d->spacing[1]), d->spacing[2]);
+  if (widest > COARSE * s->finest) s->slack = fmin(SLACK * widest, AROUND * s->finest);
   for (int r = 0; r < 3; r++)
     for (int k = 0; k < 3; k++) s->desc.origin[r] += d->direction[3 * r + k] * d->spacing[k] * s->first[k];
 }
@@ -223,7 +268,9 @@ tc_ref_smooth *tc_ref_smooth_new(const tc_volume *labels, const tc_ref_extent_of
   s->of = tc_volume_describe(labels), s->voxels = tc_volume_data(labels);
   s->label = where->label;
   s->finest = fmin(fmin(s->of->spacing[0], s->of->spacing[1]), s->of->spacing[2]);
-  for (int k = 0; k < TAPS; k++) s->weight[k] = 2 * binomial(RADIUS, k - RADIUS / 2) - binomial(2 * RADIUS, k);
+  for (int far = 0; far < 2; far++)
+    for (int k = 0, of = far ? FAR_RADIUS : RADIUS; k < TAPS; k++)
+      s->weight[far][k] = 2 * binomial(of, k - RADIUS + of / 2) - binomial(2 * of, k - RADIUS + of);
   place(s, where);
   s->block = calloc((size_t)s->blocks[0] * (size_t)s->blocks[1] * (size_t)s->blocks[2], sizeof *s->block);
   if (!s->block) g_clear_pointer(&s, tc_ref_smooth_free);

@@ -430,6 +430,38 @@ TEST(labels_are_smooth) {
   assert_true(g_error_matches(error, TC_ERROR, TC_ERROR_INVALID));
 }
 
+static double in_pillar(double x, double y, double z) {
+  const double radius = z >= 1 && z <= 8 ? 10 + ((int)z % 2 ? 0 : 1.5) : 0;
+  return z >= 1 && z <= 8 && x == 2 && y == 2 ? 1 : hypot(x - 24, y - 24) <= radius;
+}
+
+/* Outlines of thick slices that differ by a pixel and a half show no ridges: the surface lies between them, with the volume of
+ * the voxels; a line of single pixels survives. */
+TEST(outlines_of_thick_slices_become_one_surface) {
+  const int dims[3] = {41, 41, 10};
+  const double thick[3] = {1, 1, 5};
+  g_autoptr(tc_volume) v = make(dims, TC_U8, thick, straight, 1, in_pillar);
+  g_autoptr(tc_mesh) m = of_label(v, 1, 2);
+  double area, volume, normal, least = INFINITY, most = 0, line = 0;
+  measure(m, &area, &volume, &normal);
+  assert_int_equal(check_manifold(v, m).euler, 4);
+  for (size_t i = 0; i < m->n_vertices; i++) {
+    double lps[3], at[3];
+    for (int k = 0; k < 3; k++) lps[k] = m->origin[k] + m->positions[i][k];
+    tc_volume_lps_to_index(v, lps, at);
+    if (at[2] < 3 || at[2] > 6) continue; /* near the ends */
+    if (at[0] < 8 && at[1] < 8)
+      line = fmax(line, fabs(at[0] - 2));
+    else
+      least = fmin(least, hypot(at[0] - 24, at[1] - 24)), most = fmax(most, hypot(at[0] - 24, at[1] - 24));
+  }
+  size_t voxels = 0;
+  for (size_t i = 0; i < 41 * 41 * 10; i++) voxels += ((const uint8_t *)tc_volume_data(v))[i];
+  print_message("radius %.2f to %.2f, line +-%.2f, volume %.3f of the voxels'\n", least, most, line, volume / (5.0 * (double)voxels));
+  assert_true(least > 10 && most < 11.6 && most - least < 0.6);
+  assert_true(line > 0.1 && fabs(volume / (5.0 * (double)voxels) - 1) < 0.07);
+}
+
 static double three_boxes(double x, double y, double z) {
   return x > 2 && x < 6 && y > 3 && z > 4 ? -2 : x >= 20 && z < 2 ? 300 : x == 10 && y == 1 && z == 1 ? 7 : 0;
 }
