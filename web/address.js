@@ -12,20 +12,40 @@ const PLANE = ['orientation', 'center', 'normal', 'up', 'zoom', 'thickness', 'pr
 const WINDOW = ['window.center', 'window.width'];
 const SHADING = ['model', 'gradient', 'ambient', 'diffuse', 'specular', 'shininess'].map((name) => `shading.${name}`);
 const LABELS = ['volume', 'opacity', 'visible', 'colors'].map((name) => `labels.${name}`);
+const SURFACES = ['surfaces', 'lights'].map((name) => `mesh.${name}`);
+const SPLATS = ['threshold', 'attribute', 'kernelRadius', 'opaque'].map((name) => `splat.${name}`);
+const CLIP = ['clip.box', 'clip.planes'];
 const VIEW = {
-  volume: [...CAMERA, 'transferFunction.preset'],
+  volume: [...CAMERA, 'transferFunction.preset', 'hideTable', ...SHADING],
   own: [...CAMERA, 'transferFunction.points', 'transferFunction.unitDistance', 'hideTable', ...SHADING], // no preset
-  surface: [...CAMERA, 'isosurface.value'],
-  splat: [...CAMERA, 'splat.threshold'],
+  surface: [...CAMERA, 'isosurface.value', 'isosurface.color', ...SHADING],
+  splat: [...CAMERA, ...SPLATS, 'isosurface.color', ...SHADING],
   projection: [...CAMERA, ...WINDOW],
   slices: [...PLANE, ...WINDOW],
 };
-const EVERY = new Set(['mode', ...Object.values(VIEW).flat(), ...LABELS]);
+const WITHIN = 'mesh.withVolume';
+const EVERY = new Set(['mode', ...Object.values(VIEW).flat(), ...LABELS, ...CLIP, WITHIN, ...SURFACES]);
 const MOST_KNOTS = 64; // a longer list is left out of the address
+const MOST_TEXT = 4000; // characters of a list of objects
 
 const short = (number) => Number(Number(number.toPrecision(7)).toFixed(6)); // to a nanometre
 const written = (value) =>
   [value].flat().map((part) => (typeof part === 'number' ? short(part) : encodeURIComponent(part)));
+
+/** Lists of objects or lists are JSON; '' if the text is too long. */
+const isDeep = (value) => Array.isArray(value) && typeof value[0] === 'object';
+function deepText(value) {
+  const text = encodeURIComponent(JSON.stringify(value, (_, part) => (typeof part === 'number' ? short(part) : part)));
+  return text.length > MOST_TEXT ? '' : text;
+}
+function readDeep(text) {
+  try {
+    const value = JSON.parse(text);
+    return isDeep(value) ? value : undefined;
+  } catch {
+    return undefined;
+  }
+}
 
 /** Lists of more than plain numbers: "-400:ff8000:o0.2" is a knot, "3:ff0000:1" a label's colour and alpha. */
 const LISTS = {
@@ -58,10 +78,17 @@ const viewOf = ({ mode, transferFunction }) => {
 
 /** "&mode=mip&camera.position=0,-400,0...": the view of a scene */
 export function viewText(scene) {
-  const paths = ['mode', ...VIEW[viewOf(scene)], ...(scene.labels?.volume ? LABELS : [])];
-  const known = paths.map((path) => [path, valueAt(scene, path)]).filter(([, value]) => (value ?? '') !== '');
-  const text = ([path, value]) => (LISTS[path]?.write(value) ?? written(value)).join(',') || 'none';
-  return known.map((member) => `&${member[0]}=${text(member)}`).join('');
+  const surfaces = scene.mode === 'mesh' ? SURFACES : scene.mesh?.withVolume ? [WITHIN, ...SURFACES] : [];
+  const paths = ['mode', ...VIEW[viewOf(scene)], ...(scene.labels?.volume ? LABELS : []), ...surfaces, ...CLIP];
+  return paths.map((path) => memberText(path, valueAt(scene, path))).join('');
+}
+
+function memberText(path, value) {
+  if ((value ?? '') === '') return '';
+  if (LISTS[path]) return `&${path}=${LISTS[path].write(value).join(',') || 'none'}`;
+  const text = isDeep(value) ? deepText(value) : written(value).join(',');
+  if (text === '' && path !== 'labels.visible') return ''; // an empty list
+  return `&${path}=${text || 'none'}`;
 }
 
 const decoded = (text) => {
@@ -77,6 +104,7 @@ const WORDS = { true: true, false: false };
 /** @returns the value of a member, undefined if invalid */
 function read(path, text) {
   if (path === 'labels.visible' && text === 'none') return [];
+  if (decoded(text)[0] === '[') return readDeep(decoded(text));
   const parts = text.split(',').map(decoded);
   if (LISTS[path]) {
     const items = parts.map((part) => part.split(':'));

@@ -1,5 +1,6 @@
 // Addresses that hold a view, back and forward, links to sessions that are over; uploads under the user's own names.
 import assert from 'node:assert/strict';
+import { readFile } from 'node:fs/promises';
 import { describe, test } from 'node:test';
 
 import { readHash, viewText } from '../../web/address.js';
@@ -43,6 +44,39 @@ test('knots without a preset, their light and labels survive too; broken lists a
   assert.deepEqual(readHash(`#head${viewText(hidden)}`).view, hidden, 'hidden labels stay hidden');
   assert.ok(!viewText({ ...scene, transferFunction: { preset: 'ct-bone', points } }).includes('points'));
   assert.equal(readHash('#head&transferFunction.points=1:zz:o1,2').view, null);
+});
+
+test('every member of a view that the page can change survives, in the modes that read it', async () => {
+  const list = [{ value: 300, color: [1, 0.5, 0.25], opacity: 0.5, visible: true }, { plane: 'axial', opacity: 1, visible: false }];
+  const scene = {
+    camera: { projection: 'perspective', fovY: 25 },
+    transferFunction: { preset: 'ct-bone' },
+    hideTable: true,
+    shading: { model: 'gooch', gradient: 'cell', ambient: 0.2, diffuse: 0.5, specular: 0.1, shininess: 20 },
+    window: { center: 40, width: 400 },
+    isosurface: { value: 250, color: [0.5, 0.25, 1] },
+    mesh: { surfaces: list, lights: [{ color: [1, 1, 1], intensity: 2, direction: [0, -0.5, 0.25] }], withVolume: true },
+    splat: { threshold: [300, 2000], attribute: 'label', kernelRadius: 1.5, opaque: false },
+    mpr: { orientation: 'coronal', thickness: 3, projection: 'mip' },
+    labels: { volume: 'parts', opacity: 0.4 },
+    clip: { box: [[-10, -20, -30], [10.5, 20, 30]], planes: [[0, 0, 1, -4]] },
+  };
+  const modes = ['dvr', 'mip', 'isosurface', 'mesh', 'splat', 'mpr'];
+  const at = (view, path) => path.split('.').reduce((value, name) => value?.[name], view);
+  const page = await readFile(new URL('../../web/index.html', import.meta.url), 'utf8');
+  const how = /^(mode$|image\.|sampling\.|classification$|filter$)/; // how it is computed and sent, not what is seen
+  const paths = new Set([...page.matchAll(/data-path="([^"]+)"/g)].map((found) => found[1]).filter((path) => !how.test(path)));
+  for (const path of ['mesh.surfaces', 'mesh.lights', 'clip.box', 'clip.planes']) paths.add(path);
+  for (const path of paths) {
+    const kept = modes.filter((mode) => at(readHash(`#head${viewText({ ...scene, mode })}`).view, path) !== undefined);
+    assert.ok(kept.length > 0, path);
+    const { view } = readHash(`#head${viewText({ ...scene, mode: kept[0] })}`);
+    assert.deepEqual(at(view, path), at(scene, path), path);
+  }
+  assert.ok(!viewText({ ...scene, mode: 'mesh', mesh: { surfaces: [], lights: [] } }).includes('mesh.'), 'nothing of empty lists');
+  const many = Array.from({ length: 200 }, (_, i) => ({ ...list[0], value: i }));
+  assert.ok(!viewText({ ...scene, mode: 'mesh', mesh: { surfaces: many } }).includes('mesh.'), 'a long list is left out');
+  assert.deepEqual(readHash('#head&mesh.surfaces=%5B1&clip.box=%5B1,2%5D').view, null);
 });
 
 test('local names stay with the volume they came with', () => {
