@@ -106,38 +106,46 @@ export class Opening {
   }
 
   /**
-   * Uploads a single file as it is, several (DICOM, pictures, a header with its voxels) as a zip; meshes are added to
-   * the volume shown.
+   * Uploads a single file as it is, several (DICOM, pictures, a header with its voxels) as a zip; then meshes, one by one, which
+   * are added to the volume shown. Of what fails the user is told, and the rest goes on.
    */
   async upload(files) {
     if (!files.length) return;
-    const meshes = files.every(isMesh);
-    if (meshes && !this.#store.scene) return this.#on.toast('Open a volume first: a mesh is shown in its space.');
+    const meshes = files.filter(isMesh);
+    const rest = files.filter((file) => !isMesh(file));
+    if (!rest.length && !this.#store.scene) return this.#on.toast('Open a volume first: a mesh is shown in its space.');
     const stop = new AbortController();
-    const name = nameOf(files);
-    this.#get('loading-cancel').hidden = false;
-    this.#get('loading-cancel').onclick = () => stop.abort();
-    try {
-      if (meshes) {
-        for (const file of files) await this.#addMesh(file, stop.signal);
-        return;
+    const attempt = async (name, act) => {
+      if (stop.signal.aborted) return false;
+      this.#get('loading-cancel').hidden = false;
+      this.#get('loading-cancel').onclick = () => stop.abort();
+      try {
+        return await act();
+      } catch (error) {
+        if (error.name === 'AbortError') this.#on.toast('Upload cancelled.');
+        else this.#on.failed(error, name);
+        return false;
+      } finally {
+        this.#done();
       }
-      const body =
-        files.length === 1
-          ? files[0]
-          : await zip(files, (part) => {
-              stop.signal.throwIfAborted();
-              this.#progress(`Packing ${files.length} files`, part);
-            });
-      const id = await this.#send(body, name, stop.signal);
-      this.#get('loading-cancel').hidden = true;
-      await this.open(id);
-    } catch (error) {
-      if (error.name === 'AbortError') this.#on.toast('Upload cancelled.');
-      else this.#on.failed(error, name);
-    } finally {
-      this.#done();
-    }
+    };
+    if (rest.length && !(await attempt(nameOf(rest), () => this.#openFiles(rest, stop.signal)))) return; // meshes are in its space
+    for (const mesh of meshes) await attempt(mesh.name, () => this.#addMesh(mesh, stop.signal));
+  }
+
+  /** @returns whether the volume is shown */
+  async #openFiles(files, signal) {
+    const body =
+      files.length === 1
+        ? files[0]
+        : await zip(files, (part) => {
+            signal.throwIfAborted();
+            this.#progress(`Packing ${files.length} files`, part);
+          });
+    const id = await this.#send(body, nameOf(files), signal);
+    this.#get('loading-cancel').hidden = true;
+    await this.open(id);
+    return this.id === id;
   }
 
   /** Files dropped anywhere on the page. */

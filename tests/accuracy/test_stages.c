@@ -12,7 +12,7 @@
 static const struct { const char *scene, *in;
 } scenes[] = {
     {"{}", "table-2d skipping termination"},
-    {"{\"mode\":\"mesh\",\"shading\":{\"model\":\"lambert\"},\"sampling\":{\"raysPerPixel\":4}}", "gradient rays-per-pixel mesh"},
+    {"{\"mode\":\"mesh\",\"shading\":{\"model\":\"lambert\"},\"sampling\":{\"raysPerPixel\":4}}", "gradient skipping rays-per-pixel mesh"},
     {"{\"shading\":{\"model\":\"lambert\"}}", "table-2d gradient skipping termination"},
     {"{\"shading\":{\"model\":\"blinn-phong\"}}", "table-2d gradient skipping termination"},
     {"{\"shading\":{\"model\":\"gooch\"}}", "table-2d gradient skipping termination"},
