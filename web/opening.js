@@ -200,7 +200,7 @@ export class Opening {
     await this.#volumes.wait(id, (fraction) => this.#progress('Reading the mesh', fraction), signal, null, 'meshes');
     this.#store.patch({
       mode: 'mesh',
-      mesh: { surfaces: [...(this.#store.scene.mesh?.surfaces ?? []), { mesh: id }] },
+      mesh: { surfaces: [...(this.#store.scene.mesh?.surfaces ?? []), { mesh: id, opacity: 1, visible: true }] },
     });
   }
 

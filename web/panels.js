@@ -145,11 +145,12 @@ export class Panels {
   #bind(control) {
     const typed = control.type === 'number';
     control.addEventListener(typed ? 'change' : 'input', () => this.#edited(control));
-    control.addEventListener('focus', () => (this.#editing = typed ? control : null));
-    control.addEventListener('blur', () => {
-      this.#editing = null;
-      this.update();
-    });
+    if (typed) control.addEventListener('input', () => (this.#editing = control)); // what is being typed is not overwritten
+    for (const name of ['change', 'blur'])
+      control.addEventListener(name, () => {
+        this.#editing = null;
+        this.update();
+      });
     if (control.type === 'range') bindGesture(control, this.#on.gesture);
   }
 

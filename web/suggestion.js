@@ -23,6 +23,7 @@ export class Suggestion {
   #plan;
   #asked = '';
   #offered = null;
+  #declined = new Set(); // modes, on this page
 
   /** get(id): an element; plan(): promise of the session's plan; take(mode): switches to it */
   constructor(get, store, { plan, take }) {
@@ -30,6 +31,10 @@ export class Suggestion {
     this.#store = store;
     this.#plan = plan;
     get('suggestion-take').addEventListener('click', () => take(this.#offered.mode));
+    get('suggestion-close').addEventListener('click', () => {
+      this.#declined.add(this.#offered.mode);
+      this.#offer(null);
+    });
     store.subscribe(() => this.#update());
   }
 
@@ -42,7 +47,9 @@ export class Suggestion {
     this.#offer(null);
     if (!about) return;
     const { object } = await this.#plan();
-    if (this.#asked === about && subject(this.#store.scene) === about) this.#offer(suggestionOf(scene.mode, object));
+    const found = suggestionOf(scene.mode, object);
+    const wanted = found && !this.#declined.has(found.mode);
+    if (wanted && this.#asked === about && subject(this.#store.scene) === about) this.#offer(found);
   }
 
   #update() {

@@ -59,11 +59,15 @@ export class Surfaces {
       if (own) own.disabled = !surface.color;
       if (own) color.classList.toggle('unset', !surface.color); // the mesh's own colours are in use
       if (look) look.value = surface.model ?? '';
-      if (value && document.activeElement !== value) value.value = surface.value;
-      if (document.activeElement !== opacity) opacity.value = surface.opacity;
+      const shown = { value: surface.value, opacity: surface.opacity ?? 1 };
+      for (const [name, { slider, output }] of Object.entries({ ...(value && { value }), opacity })) {
+        if (document.activeElement !== slider) slider.value = shown[name];
+        output.textContent = Number(shown[name].toPrecision(4));
+      }
       if (color && document.activeElement !== color && surface.color) color.value = toHex(surface.color);
-      eye.setAttribute('aria-pressed', surface.visible);
-      eye.textContent = surface.visible ? 'Shown' : 'Hidden';
+      const visible = surface.visible ?? true;
+      eye.setAttribute('aria-pressed', visible);
+      eye.textContent = visible ? 'Shown' : 'Hidden';
       eye.ariaLabel = `${eye.textContent}: surface ${i + 1}`;
     });
     if (list.length && this.#store.scene.mode === 'mesh') this.#get('single-surface').hidden = true; // not read then
@@ -99,18 +103,21 @@ export class Surfaces {
     this.#send(this.#list().map((surface, k) => (k === i ? { ...surface, ...members } : surface)));
   }
 
-  #slider(i, member, [min, max], label) {
-    const slider = element('input', { type: 'range', min, max, step: (max - min) / 1000, ariaLabel: label, title: label });
+  #slider(i, member, [min, max], text) {
+    const slider = element('input', { type: 'range', min, max, step: (max - min) / 1000, ariaLabel: `${text} of surface ${i + 1}` });
     slider.addEventListener('input', () => this.#change(i, { [member]: Number(slider.value) }));
     bindGesture(slider, this.#gesture);
-    return slider;
+    const output = element('output', {});
+    const line = element('label', { className: 'slider' });
+    line.append(element('span', { textContent: text }), slider, output);
+    return { line, slider, output };
   }
 
   #row(surface, i) {
     const kind = nameOf(surface);
     const name = `surface ${i + 1}`;
     const row = element('li', {});
-    const value = 'value' in surface ? this.#slider(i, 'value', this.#range, `Value of ${name}`) : null;
+    const value = 'value' in surface ? this.#slider(i, 'value', this.#range, 'Value') : null;
     const color = surface.plane ? null : element('input', { type: 'color', ariaLabel: `Colour of ${name}` });
     color?.addEventListener('input', () => this.#change(i, { color: fromHex(color.value) }));
     const own =
@@ -121,9 +128,9 @@ export class Surfaces {
       const { color: _, ...rest } = this.#list()[i];
       this.#send(this.#list().map((s, k) => (k === i ? rest : s)));
     });
-    const opacity = this.#slider(i, 'opacity', [0, 1], `Opacity of ${name}`);
+    const opacity = this.#slider(i, 'opacity', [0, 1], 'Opacity');
     const eye = element('button', {});
-    eye.addEventListener('click', () => this.#change(i, { visible: !this.#list()[i].visible }));
+    eye.addEventListener('click', () => this.#change(i, { visible: !(this.#list()[i].visible ?? true) }));
     const drop = element('button', { textContent: 'Remove', ariaLabel: `Remove ${name}` });
     drop.addEventListener('click', () => this.#send(this.#list().filter((_, k) => k !== i)));
     const look = surface.plane ? null : element('select', { ariaLabel: `Look of ${name}` });
@@ -132,8 +139,14 @@ export class Surfaces {
       const { model: _, ...rest } = this.#list()[i];
       this.#send(this.#list().map((s, k) => (k !== i ? s : look.value ? { ...rest, model: look.value } : rest)));
     });
-    row.append(color ?? element('span', {}), value ?? element('span', { textContent: kind }), opacity, eye, drop);
-    if (look) row.append(look);
+    row.append(color ?? element('span', {}), element('span', { textContent: value ? 'Isosurface' : kind }), eye, drop);
+    if (value) row.append(value.line);
+    row.append(opacity.line);
+    if (look) {
+      const line = element('label', {});
+      line.append(element('span', { textContent: 'Look' }), look);
+      row.append(line);
+    }
     if (own) row.append(own);
     const off = element('small', { hidden: true });
     row.append(off);

@@ -202,6 +202,21 @@ describe('page and fake server', { skip }, () => {
     await page.close();
   });
 
+  test('a suggestion that was dismissed does not come again', async () => {
+    const { page } = await open(browser, url);
+    await page.selectOption('#mode', 'isosurface');
+    await page.waitForFunction(() => !document.getElementById('suggestion').hidden);
+    await page.click('#suggestion-close');
+    assert.ok(await page.isHidden('#suggestion'));
+    const asked = page.waitForResponse(/\/plan$/);
+    await page.fill('input[type="number"][data-path="isosurface.value"]', '90');
+    await page.press('input[type="number"][data-path="isosurface.value"]', 'Enter');
+    await asked;
+    await page.waitForTimeout(300);
+    assert.ok(await page.isHidden('#suggestion'));
+    await page.close();
+  });
+
   test('what is suggested for one surface is taken back where labels have surfaces of their own', async () => {
     const { page } = await open(browser, url);
     await page.selectOption('#mode', 'isosurface');
@@ -347,6 +362,29 @@ describe('page and fake server', { skip }, () => {
     server.mute = false;
     await page.selectOption('#mode', 'mip');
     await page.waitForSelector('#building', { state: 'hidden' });
+    await page.close();
+  });
+
+  test('a number in focus follows the scene, and what is being typed is not overwritten', async () => {
+    const { page } = await open(browser, url);
+    await page.selectOption('#mode', 'isosurface');
+    const number = 'input[type="number"][data-path="isosurface.value"]';
+    const slide = (value) =>
+      page.$eval('input[type="range"][data-path="isosurface.value"]', (slider, to) => {
+        slider.value = to;
+        slider.dispatchEvent(new Event('input', { bubbles: true }));
+        return Number(Number(slider.value).toPrecision(7));
+      }, value);
+    await page.focus(number);
+    const first = await slide(120);
+    assert.equal(Number(await page.inputValue(number)), first);
+    await page.fill(number, '77');
+    await slide(200);
+    assert.equal(await page.inputValue(number), '77');
+    await page.keyboard.press('Enter');
+    assert.equal((await scene(page)).isosurface.value, 77);
+    const last = await slide(150);
+    assert.equal(Number(await page.inputValue(number)), last, 'still in focus');
     await page.close();
   });
 
