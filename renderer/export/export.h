@@ -1,7 +1,7 @@
 /* Writes volumes and meshes to files. The ending of the name chooses the format: .nrrd, .mha, .nii and .nii.gz for a
  * volume, which renderer/import reads back with the same values and geometry; .ply, .stl and .obj for a mesh, in LPS
  * mm, with the comment "SPACE=LPS" for readers. The file appears under its name only when it is complete and then
- * replaces an older one atomically; after a failure (TC_ERROR_IO) the older file stays. Any thread. */
+ * replaces an older one atomically; after a failure (TC_ERROR_IO) the older file stays. A device, pipe or symbolic link is written to as it is. Any thread. */
 #ifndef TC_EXPORT_H
 #define TC_EXPORT_H
 
@@ -22,5 +22,8 @@ bool tc_export_volume(const tc_volume *volume, const char *path, bool gzip, GErr
 bool tc_export_mesh(const tc_mesh *mesh, const char *path, bool ascii, GError **error);
 /* Largest displacement of a coordinate by the file's precision, mm. */
 double tc_export_mesh_loss(const tc_mesh *mesh, const char *path);
+
+/* Writes any other file, such as a picture or a report. */
+bool tc_export_bytes(const void *bytes, size_t size, const char *path, GError **error);
 
 #endif

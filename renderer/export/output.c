@@ -5,7 +5,10 @@
 #include <glib/gstdio.h>
 #include <stdarg.h>
 #include <string.h>
+#include <sys/stat.h>
 #include <unistd.h>
+
+#include "renderer/export/export.h"
 
 #define WRITE_AT_ONCE (64u << 20) /* gzwrite() takes an unsigned int */
 
@@ -28,15 +31,22 @@ static bool open_stream(tc_output *o, const char *mode) {
   return o->file != NULL;
 }
 
+/* A device, a pipe or a link, such as /dev/stdout, is written to; renaming would replace it. */
+static bool is_special(const char *path) {
+  struct stat facts;
+  return lstat(path, &facts) == 0 && !S_ISREG(facts.st_mode) && !S_ISDIR(facts.st_mode);
+}
+
 bool tc_output_begin(tc_output *o, const char *path, bool gzip, GError **error) {
-  *o = (tc_output){.path = g_strdup(path), .part = g_strconcat(path, ".XXXXXX", NULL), .good = true};
-  o->descriptor = g_mkstemp_full(o->part, O_WRONLY, 0666);
+  *o = (tc_output){.path = g_strdup(path), .good = true};
+  if (!is_special(path)) o->part = g_strconcat(path, ".XXXXXX", NULL);
+  o->descriptor = o->part ? g_mkstemp_full(o->part, O_WRONLY, 0666) : open(path, O_WRONLY | O_CREAT | O_TRUNC | O_CLOEXEC, 0666);
   if (o->descriptor >= 0 && open_stream(o, gzip ? "wb6" : "wbT")) return true;
   if (o->descriptor >= 0) {
     close(o->descriptor);
-    g_unlink(o->part);
+    if (o->part) g_unlink(o->part);
   }
-  return fail(o, "make", error);
+  return fail(o, "create", error);
 }
 
 void tc_output_compress(tc_output *o) {
@@ -65,14 +75,21 @@ bool tc_output_end(tc_output *o, GError **error) {
   int reason = o->good ? 0 : errno;
   bool good = o->file && gzclose(o->file) == Z_OK && o->good;
   good = close(o->descriptor) == 0 && good;
-  if (good) good = g_rename(o->part, o->path) == 0;
+  if (good && o->part) good = g_rename(o->part, o->path) == 0;
   if (!good) {
     int later = errno;
-    g_unlink(o->part);
+    if (o->part) g_unlink(o->part);
     errno = reason ? reason : later;
     return fail(o, "write", error);
   }
   g_free(o->path);
   g_free(o->part);
   return true;
+}
+
+bool tc_export_bytes(const void *bytes, size_t size, const char *path, GError **error) {
+  tc_output o;
+  if (!tc_output_begin(&o, path, false, error)) return false;
+  tc_output_write(&o, bytes, size);
+  return tc_output_end(&o, error);
 }

@@ -9,7 +9,7 @@
 #include "renderer/base/error.h"
 
 typedef struct tc_output {
-  char *path, *part; /* final name, and temporary name in the same folder */
+  char *path, *part; /* final name, and temporary name in the same folder; part: NULL for a device or link */
   int descriptor;    /* owned; `file` writes to a duplicate of it */
   gzFile file;
   bool good; /* no failure so far; after a failure, writes do nothing */

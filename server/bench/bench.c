@@ -3,6 +3,7 @@
  * All rows of a volume render the same scene, each with one kernel variant; their frames take turns, so that drift of
  * the machine's speed affects all alike. The error is over a random sample of the picture's rays, which the reference
  * integrates once per volume. */
+#include <errno.h>
 #include <math.h>
 #include <stdio.h>
 #include <stdlib.h>
@@ -11,6 +12,7 @@
 #include <x86intrin.h>
 
 #include "protocol/protocol.h"
+#include "renderer/export/export.h"
 #include "renderer/quality/meter.h"
 #include "renderer/reference/reference.h"
 #include "renderer/tomocast.h"
@@ -312,11 +314,13 @@ static bool bench_volume(bench *b, const char *path, cJSON *report, GError **err
 }
 
 static bool write_report(const char *path, const cJSON *report, GError **error) {
-  char *text = cJSON_Print(report);
-  FILE *file = !strcmp(path, "-") ? stdout : fopen(path, "w");
-  bool good = file && fprintf(file, "%s\n", text) > 0;
-  if (file && file != stdout && fclose(file)) good = false;
-  if (!good) tc_set_error(error, TC_ERROR_IO, NULL, "write %s: failed", path);
+  char *text = cJSON_Print(report), *lines = g_strconcat(text, "\n", NULL);
+  bool good = true;
+  if (strcmp(path, "-"))
+    good = tc_export_bytes(lines, strlen(lines), path, error);
+  else if (fputs(lines, stdout) < 0 || fflush(stdout))
+    good = false, tc_set_error(error, TC_ERROR_IO, NULL, "write to stdout: %s", g_strerror(errno));
+  g_free(lines);
   cJSON_free(text);
   return good;
 }

@@ -11,6 +11,7 @@
 #include <unistd.h>
 
 #include "protocol/protocol.h"
+#include "renderer/export/export.h"
 #include "server/bench/bench.h"
 #include "server/bench/report.h"
 #include "server/bench/timing.h"
@@ -340,7 +341,7 @@ static bool report_scenes(report *r, GError **error) {
 
 static bool write_file(const report *r, const char *name, char *text, GError **error) {
   char *path = g_build_filename(r->output, name, NULL);
-  bool good = g_file_set_contents(path, text, -1, error);
+  bool good = tc_export_bytes(text, strlen(text), path, error);
   g_free(path);
   g_free(text);
   return good;

@@ -1,11 +1,11 @@
 /* tomocast render: one picture without a server. */
-#include <errno.h>
 #include <limits.h>
 #include <stdarg.h>
 #include <stdio.h>
 #include <string.h>
 
 #include "protocol/protocol.h"
+#include "renderer/export/export.h"
 #include "renderer/import/import.h"
 #include "renderer/mesh/measure.h"
 #include "renderer/quality/cost.h"
@@ -266,14 +266,6 @@ static bool encode(job *j, GError **error) {
   return true;
 }
 
-static bool write_file(job *j, GError **error) {
-  FILE *file = fopen(j->output, "wb");
-  bool good = file && fwrite(j->image->data, 1, j->image->len, file) == j->image->len;
-  if (file && fclose(file) != 0) good = false;
-  if (!good) tc_set_error(error, TC_ERROR_IO, NULL, "write %s: %s", j->output, g_strerror(errno));
-  return good;
-}
-
 /* An empty picture is no error, but its cause is said. */
 static void print_emptiness(const job *j) {
   for (int i = 0; i < TC_STAGE_COUNT; i++)
@@ -301,7 +293,7 @@ static bool run(job *j, int argc, char **argv, GError **error) {
   if (!choose_sampling(j, error)) return false;
   const tc_render_request request = {.labels = j->labels, .meshes = j->meshes, .explanation = &j->plan};
   if (!tc_render(j->renderer, j->volume, &j->scene, &request, &j->frame, error)) return false;
-  if (!encode(j, error) || !write_file(j, error)) return false;
+  if (!encode(j, error) || !tc_export_bytes(j->image->data, j->image->len, j->output, error)) return false;
   print_emptiness(j);
   if (j->args.timing) print_timing(j);
   return true;

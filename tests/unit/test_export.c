@@ -2,6 +2,9 @@
 #include "tests/support/test.h"
 
 #include <glib/gstdio.h>
+#include <signal.h>
+#include <sys/resource.h>
+#include <unistd.h>
 
 #include "renderer/export/export.h"
 #include "renderer/import/import.h"
@@ -181,6 +184,43 @@ TEST(a_failure_keeps_what_was_there) {
   g_rmdir(path);
   g_free(inside);
   g_free(path);
+}
+
+/* A limit on a file's size stands for a full disk. */
+TEST(a_full_disk_keeps_the_older_file) {
+  g_autofree char *path = path_of("picture.png"), *bytes = g_malloc0(1 << 16), *kept = NULL;
+  g_autoptr(GError) error = NULL;
+  struct rlimit had, small;
+  assert_true(tc_export_bytes("older", 5, path, NULL));
+  getrlimit(RLIMIT_FSIZE, &had);
+  small = (struct rlimit){4096, had.rlim_max};
+  void (*handler)(int) = signal(SIGXFSZ, SIG_IGN);
+  setrlimit(RLIMIT_FSIZE, &small);
+  const bool good = tc_export_bytes(bytes, 1 << 16, path, &error);
+  setrlimit(RLIMIT_FSIZE, &had);
+  signal(SIGXFSZ, handler);
+  assert_false(good);
+  if (!strstr(error->message, path) || !strstr(error->message, "File too large")) fail_msg("%s", error->message);
+  kept = read_all(path, &(gsize){0});
+  assert_string_equal(kept, "older");
+  g_autoptr(GDir) dir = g_dir_open(folder, 0, NULL);
+  for (const char *name; (name = g_dir_read_name(dir));) assert_false(g_str_has_prefix(name, "picture.png."));
+  g_remove(path);
+}
+
+/* What is no file of its own is written to, not replaced. */
+TEST(links_and_devices_stay) {
+  g_autofree char *target = path_of("target"), *link = path_of("link"), *bytes = NULL;
+  assert_int_equal(symlink("target", link), 0);
+  assert_true(tc_export_bytes("picture", 7, link, NULL) && tc_export_bytes("new", 3, link, NULL));
+  assert_true(g_file_test(link, G_FILE_TEST_IS_SYMLINK));
+  bytes = read_all(target, &(gsize){0});
+  assert_string_equal(bytes, "new");
+  assert_true(tc_export_bytes("x", 1, "/dev/null", NULL));
+  assert_false(g_file_test("/dev/null", G_FILE_TEST_IS_REGULAR));
+  assert_false(tc_export_bytes("x", 1, "/dev/full", NULL));
+  g_remove(link);
+  g_remove(target);
 }
 
 TESTS(make_folder, remove_folder)

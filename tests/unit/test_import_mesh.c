@@ -98,6 +98,19 @@ TEST(colours_of_vertices_come_back) {
   assert_null(bytes->colors); /* of a type that says no brightness */
 }
 
+/* What other programs write, within the formats or beside them. */
+TEST(habits_of_other_programs_are_read) {
+  g_autoptr(tc_mesh) mark = read_text("\xef\xbb\xbfv 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n", "mark.obj");
+  assert_true(mark->n_vertices == 3 && mark->n_triangles == 1);
+  g_autoptr(tc_mesh) outline = read_text("v 0 0 0\nv 1 0 0\nv 0 1 0\nfo 1/ 2/ 3/\n", "old.obj");
+  assert_int_equal(outline->n_triangles, 1);
+  g_autoptr(tc_mesh) lines = read_text("ply\nformat ascii 1.0\nelement vertex 3\nproperty float x\nproperty float y\nproperty float z\n"
+                                       "property uchar diffuse_red\nproperty uchar diffuse_green\nproperty uchar diffuse_blue\n"
+                                       "element face 1\nproperty list uchar int vertex_indices\nend_header\n\n0 0 0 1 2 3\n \n"
+                                       "1 0 0 4 5 6\n\n\n0 1 0 7 8 9\n\t\r\n3 0 1 2\n", "lines.ply");
+  assert_true(lines->n_triangles == 1 && lines->colors[2] == 0x090807);
+}
+
 TEST(corners_of_an_stl_are_welded) {
   for (int ascii = 0; ascii < 2; ascii++) {
     tc_mesh *m = torus(true, 100.5), *back = written_and_read(m, "m.stl", ascii);

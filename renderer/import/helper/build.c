@@ -66,6 +66,7 @@ void tc_build_clear(tc_build *b) {
   g_free(b->normals);
   g_free(b->colors);
   g_free(b->triangles);
+  tc_polygon_clear(&b->polygon);
   *b = (tc_build){0};
 }
 
@@ -145,16 +146,20 @@ static bool same_place(const tc_build *b, uint32_t p, uint32_t q) {
   return p == q || memcmp(b->positions[p], b->positions[q], sizeof *b->positions) == 0;
 }
 
-bool tc_build_polygon(tc_build *b, const uint32_t *corners, size_t n, GError **error) {
-  b->degenerate += n < 3;
-  for (size_t i = 2; i < n; i++) {
-    const uint32_t p = corners[0], q = corners[i - 1], r = corners[i];
+bool tc_build_polygon(tc_build *b, const uint32_t *places, const uint32_t *corners, size_t n, GError **error) {
+  if (n < 3) {
+    b->degenerate++;
+    return true;
+  }
+  if (!tc_polygon_split(&b->polygon, (const float(*)[3])b->positions, places, n, error)) return false;
+  for (size_t i = 0; i < n - 2; i++) {
+    const uint32_t *t = b->polygon.triangles[i], p = places[t[0]], q = places[t[1]], r = places[t[2]];
     if (same_place(b, p, q) || same_place(b, q, r) || same_place(b, r, p)) {
       b->degenerate++;
       continue;
     }
     if (!tc_build_grow(b, &b->triangles, &b->triangle_room, b->n_triangles + 1, sizeof *b->triangles, error)) return false;
-    memcpy(b->triangles[b->n_triangles++], (const uint32_t[3]){p, q, r}, sizeof *b->triangles);
+    memcpy(b->triangles[b->n_triangles++], (const uint32_t[3]){corners[t[0]], corners[t[1]], corners[t[2]]}, sizeof *b->triangles);
   }
   return true;
 }

@@ -3,6 +3,7 @@
 #define TC_IMPORT_BUILD_H
 
 #include "renderer/import/helper/order.h"
+#include "renderer/import/helper/polygon.h"
 
 /* Numbers 12-byte keys: equal keys get equal numbers. */
 typedef struct tc_weld {
@@ -25,6 +26,7 @@ typedef struct tc_build {
   uint32_t (*triangles)[3];
   size_t n_vertices, vertex_room, n_normals, normal_room, n_colors, color_room, n_triangles, triangle_room;
   uint64_t degenerate; /* triangles left out because two corners coincide */
+  tc_polygon polygon;
 } tc_build;
 
 void tc_build_init(tc_build *build, const char *format, const tc_order *order);
@@ -42,9 +44,9 @@ void tc_build_direction(const tc_build *build, const double along[3], float norm
 bool tc_build_normal(tc_build *build, const double along[3], GError **error);
 /* Adds an sRGB colour; components are clamped to 0..1, NaN becomes 0. */
 bool tc_build_color(tc_build *build, const double rgb[3], GError **error);
-/* Adds a polygon of n corners as a triangle fan. Fewer than three corners count as degenerate. Corners must be
- * indices of existing vertices. */
-bool tc_build_polygon(tc_build *build, const uint32_t *corners, size_t n, GError **error);
+/* Adds the triangles of a polygon of n corners (polygon.h). `places` are indices of existing vertices; the triangles get
+ * the numbers in `corners`, which may be the same array. Fewer than three corners count as degenerate. */
+bool tc_build_polygon(tc_build *build, const uint32_t *places, const uint32_t *corners, size_t n, GError **error);
 
 /* Sends the mesh to the daemon; normals and colours only if every vertex has them. TC_ERROR_FORMAT if there is no
  * triangle. */

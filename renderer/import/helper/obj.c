@@ -17,6 +17,7 @@ typedef struct obj {
   uint32_t *normal_of;    /* [n_vertices]: number of the vertex's normal, or NONE */
   uint32_t (*extras)[3];  /* vertex, normal, 0 */
   GArray *corners;        /* uint32_t, of a face */
+  GArray *places;         /* uint32_t: the corners' vertices; a duplicate's is its original */
   size_t n_normals, normal_room, normal_of_room, n_extras, extra_room;
   tc_weld weld;
   bool bare; /* a corner without a normal was read, so the mesh gets no normals */
@@ -91,33 +92,30 @@ static bool read_corner(obj *o, char *word, uint32_t *corner, GError **error) {
   return with_normal(o, *corner, normal, corner, error);
 }
 
+static const uint32_t *numbers(const GArray *array) { return (const uint32_t *)(const void *)array->data; }
+
 static uint32_t vertex_of(const obj *o, uint32_t corner) { return corner & EXTRA ? o->extras[corner & ~EXTRA][0] : corner; }
 
-/* Compares corners by the original vertices, since a duplicate has the same position. */
 static bool read_face(obj *o, char *line, GError **error) {
-  tc_build *b = &o->build;
   g_array_set_size(o->corners, 0);
+  g_array_set_size(o->places, 0);
   for (char *word; *(word = tc_line_word(&line));) {
-    uint32_t corner;
+    uint32_t corner, place;
     if (!read_corner(o, word, &corner, error)) return false;
+    place = vertex_of(o, corner);
     g_array_append_val(o->corners, corner);
+    g_array_append_val(o->places, place);
   }
-  const uint32_t *c = (const uint32_t *)(const void *)o->corners->data;
-  if (o->corners->len < 3) return tc_build_polygon(b, c, o->corners->len, error);
-  for (guint i = 2; i < o->corners->len; i++) {
-    const uint32_t plain[3] = {vertex_of(o, c[0]), vertex_of(o, c[i - 1]), vertex_of(o, c[i])};
-    const size_t before = b->n_triangles;
-    if (!tc_build_polygon(b, plain, 3, error)) return false;
-    if (b->n_triangles > before) memcpy(b->triangles[before], (const uint32_t[3]){c[0], c[i - 1], c[i]}, sizeof plain);
-  }
-  return true;
+  if (tc_build_polygon(&o->build, numbers(o->places), numbers(o->corners), o->corners->len, error)) return true;
+  g_prefix_error(error, "line %zu: ", o->stream.line);
+  return false;
 }
 
 static bool read_line(obj *o, char *line, GError **error) {
   const char *word = tc_line_word(&line);
   if (strcmp(word, "v") == 0) return read_vertex(o, line, error);
   if (strcmp(word, "vn") == 0) return read_normal(o, line, error);
-  if (strcmp(word, "f") == 0) return read_face(o, line, error);
+  if (strcmp(word, "f") == 0 || strcmp(word, "fo") == 0) return read_face(o, line, error);
   if (word[0] == '#' && !o->build.n_vertices) o->build.ras |= tc_build_says_ras(line, strlen(line));
   return true;
 }
@@ -161,10 +159,12 @@ static bool read_obj(const tc_input *input, const tc_order *order, GError **erro
   obj o = {0};
   if (!tc_stream_open(&o.stream, input, order, error)) return false;
   o.corners = g_array_new(FALSE, FALSE, sizeof(uint32_t));
+  o.places = g_array_new(FALSE, FALSE, sizeof(uint32_t));
   tc_build_init(&o.build, "obj", order);
   bool ok = read_lines(&o, error) && place_extras(&o, error);
   tc_stream_close(&o.stream);
   g_array_unref(o.corners);
+  g_array_unref(o.places);
   g_free(o.weld.slots);
   g_free(o.normals);
   g_free(o.normal_of);

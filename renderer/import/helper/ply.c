@@ -62,6 +62,7 @@ static role role_of(const element *e, const char *name, bool list) {
   static const char *const names[] = {[X] = "x", [Y] = "y", [Z] = "z", [NX] = "nx", [NY] = "ny", [NZ] = "nz",
                                       [RED] = "red", [GREEN] = "green", [BLUE] = "blue"};
   if (list) return e->faces && (!strcmp(name, "vertex_indices") || !strcmp(name, "vertex_index")) ? CORNERS : NOTHING;
+  if (g_str_has_prefix(name, "diffuse_")) name += strlen("diffuse_"); /* early writers' colours */
   for (role r = X; e->vertices && r <= BLUE; r++)
     if (strcmp(name, names[r]) == 0) return r;
   return NOTHING;
@@ -230,7 +231,8 @@ static bool read_list(ply *p, const property *it, char **line, GError **error) {
 
 static bool read_row(ply *p, const element *e, GError **error) {
   GError *trouble = NULL;
-  char *line = p->ascii ? tc_stream_line(&p->stream, &trouble) : NULL;
+  char *line = NULL;
+  while (p->ascii && (line = tc_stream_line(&p->stream, &trouble)) && !line[strspn(line, " \t")]) continue;
   if (p->ascii && !line) {
     if (!trouble) tc_set_error(&trouble, TC_ERROR_FORMAT, NULL, "the file is cut short: fetch it again");
     g_propagate_error(error, trouble);
@@ -253,14 +255,13 @@ static bool take_vertex(ply *p, GError **error) {
 }
 
 static bool take_face(ply *p, GError **error) {
-  return tc_build_polygon(&p->build, (const uint32_t *)(const void *)p->corners->data, p->corners->len, error);
+  const uint32_t *corners = (const uint32_t *)(const void *)p->corners->data;
+  return tc_build_polygon(&p->build, corners, corners, p->corners->len, error);
 }
 
 static bool read_rows(ply *p, const element *e, GError **error) {
-  for (uint64_t i = 0; i < e->n; i++) {
-    const bool good = read_row(p, e, error) && (!e->vertices || take_vertex(p, error)) && (!e->faces || take_face(p, error));
-    if (good && (e->properties->len || p->ascii)) continue;
-    if (good) return true; /* rows without properties */
+  for (uint64_t i = 0; e->properties->len && i < e->n; i++) {
+    if (read_row(p, e, error) && (!e->vertices || take_vertex(p, error)) && (!e->faces || take_face(p, error))) continue;
     g_prefix_error(error, "%s %" G_GUINT64_FORMAT " of %" G_GUINT64_FORMAT ": ",
                    e->vertices ? "vertex" : e->faces ? "face" : "row", i + 1, e->n);
     return false;

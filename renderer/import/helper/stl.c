@@ -37,7 +37,7 @@ static bool read_record(stl *s, const uint8_t *bytes, GError **error) {
     for (int k = 0; k < 3; k++) at[k] = tc_reader_f32(&r);
     if (!corner(s, at, &corners[c], error)) return false;
   }
-  return tc_build_polygon(&s->build, corners, 3, error);
+  return tc_build_polygon(&s->build, corners, corners, 3, error);
 }
 
 static bool read_binary(stl *s, GError **error) {
@@ -79,7 +79,7 @@ static bool read_line(stl *s, char *line, uint32_t corners[3], int *n, GError **
   if (g_ascii_strcasecmp(word, "endloop") == 0) {
     if (*n != 3) return bad_line(s, "a loop wants three corners", error);
     *n = 0;
-    return tc_build_polygon(&s->build, corners, 3, error);
+    return tc_build_polygon(&s->build, corners, corners, 3, error);
   }
   if (g_ascii_strcasecmp(word, "solid") == 0) s->build.ras |= tc_build_says_ras(line, strlen(line));
   return true; /* facet, outer loop, endfacet, endsolid */

@@ -68,6 +68,7 @@ static char *find_end(tc_stream *s, size_t *looked) {
 
 char *tc_stream_line(tc_stream *s, GError **error) {
   bool more = true;
+  const bool first = s->line == 0;
   size_t looked = 0;
   char *end = find_end(s, &looked);
   while (!end && more) {
@@ -87,6 +88,7 @@ char *tc_stream_line(tc_stream *s, GError **error) {
   s->at = MIN((size_t)(end - (char *)s->buffer) + 1, s->size);
   *end = 0;
   if (end > start && end[-1] == '\r') end[-1] = 0;
+  if (first && strncmp(start, "\xef\xbb\xbf", 3) == 0) start += 3; /* byte order mark */
   return start;
 }
 
