@@ -10,7 +10,7 @@
 
 typedef enum tc_export_kind { TC_EXPORT_UNKNOWN, TC_EXPORT_VOLUME, TC_EXPORT_MESH, TC_EXPORT_MODEL } tc_export_kind;
 
-/* Kind of file that the name's ending means; models (.vmd) are written by splat/vmd.h. */
+/* Kind of file that the name's ending means; models (.vmd) are encoded by splat/vmd.h. */
 tc_export_kind tc_export_kind_of(const char *path);
 
 /* NIfTI keeps voxels, slope and intercept. The other formats have no fields for these, so they get the rescaled

@@ -37,10 +37,36 @@ static bool is_special(const char *path) {
   return lstat(path, &facts) == 0 && !S_ISREG(facts.st_mode) && !S_ISDIR(facts.st_mode);
 }
 
+/* A file without a name vanishes with an interrupted process; a file system without such files gets one with a temporary name. */
+static void open_part(tc_output *o) {
+  char *within = g_path_get_dirname(o->path);
+  o->descriptor = open(within, O_TMPFILE | O_WRONLY | O_CLOEXEC, 0666);
+  g_free(within);
+  if (o->descriptor >= 0) return;
+  o->part = g_strconcat(o->path, ".XXXXXX", NULL);
+  o->descriptor = g_mkstemp_full(o->part, O_WRONLY | O_CLOEXEC, 0666);
+}
+
+/* Gives a nameless file a temporary name: linkat() cannot replace the older file, rename() can. */
+static bool name_part(tc_output *o) {
+  char from[40];
+  g_snprintf(from, sizeof from, "/proc/self/fd/%d", o->descriptor);
+  for (int tries = 0; tries < 100; tries++) {
+    g_free(o->part);
+    o->part = g_strdup_printf("%s.%06x", o->path, g_random_int() & 0xffffff);
+    if (linkat(AT_FDCWD, from, AT_FDCWD, o->part, AT_SYMLINK_FOLLOW) == 0) return true;
+    if (errno != EEXIST) break;
+  }
+  g_clear_pointer(&o->part, g_free);
+  return false;
+}
+
 bool tc_output_begin(tc_output *o, const char *path, bool gzip, GError **error) {
-  *o = (tc_output){.path = g_strdup(path), .good = true};
-  if (!is_special(path)) o->part = g_strconcat(path, ".XXXXXX", NULL);
-  o->descriptor = o->part ? g_mkstemp_full(o->part, O_WRONLY, 0666) : open(path, O_WRONLY | O_CREAT | O_TRUNC | O_CLOEXEC, 0666);
+  *o = (tc_output){.path = g_strdup(path), .replaces = !is_special(path), .good = true};
+  if (o->replaces)
+    open_part(o);
+  else
+    o->descriptor = open(path, O_WRONLY | O_CREAT | O_TRUNC | O_CLOEXEC, 0666);
   if (o->descriptor >= 0 && open_stream(o, gzip ? "wb6" : "wbT")) return true;
   if (o->descriptor >= 0) {
     close(o->descriptor);
@@ -74,8 +100,9 @@ void tc_output_print(tc_output *o, const char *format, ...) {
 bool tc_output_end(tc_output *o, GError **error) {
   int reason = o->good ? 0 : errno;
   bool good = o->file && gzclose(o->file) == Z_OK && o->good;
-  good = close(o->descriptor) == 0 && good;
-  if (good && o->part) good = g_rename(o->part, o->path) == 0;
+  if (good && o->replaces && !o->part) good = name_part(o);
+  if (good && o->replaces) good = g_rename(o->part, o->path) == 0;
+  if (close(o->descriptor)) good = false;
   if (!good) {
     int later = errno;
     if (o->part) g_unlink(o->part);

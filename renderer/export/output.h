@@ -9,7 +9,9 @@
 #include "renderer/base/error.h"
 
 typedef struct tc_output {
-  char *path, *part; /* final name, and temporary name in the same folder; part: NULL for a device or link */
+  char *path;
+  bool replaces; /* the finished file replaces `path`; else `path` is a device or link and is written to */
+  char *part;    /* temporary name in the same folder; NULL: none yet */
   int descriptor;    /* owned; `file` writes to a duplicate of it */
   gzFile file;
   bool good; /* no failure so far; after a failure, writes do nothing */
@@ -21,7 +23,7 @@ void tc_output_write(tc_output *output, const void *bytes, size_t size);
 void tc_output_print(tc_output *output, const char *format, ...) G_GNUC_PRINTF(2, 3);
 /* Everything written from here on is compressed. */
 void tc_output_compress(tc_output *output);
-/* Renames the file to its final name, or removes it after a failure. */
+/* Gives the file its final name, or removes it after a failure. */
 bool tc_output_end(tc_output *output, GError **error);
 
 bool tc_path_ends(const char *path, const char *ending); /* case-insensitive */

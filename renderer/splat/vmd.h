@@ -151,7 +151,7 @@ double tc_vmd_end_at(const void *subject, const int at[3], const double directio
 
 /* ---- files ---- */
 
-bool tc_vmd_write(const tc_vmd *vmd, const char *path, bool compressed, GError **error);
+/* Contents of a .vmd file; the caller owns them. TC_ERROR_LIMIT for more than 2 GiB, TC_ERROR_MEMORY. */
 GByteArray *tc_vmd_encode(const tc_vmd *vmd, bool compressed, GError **error);
 /* TC_ERROR_FORMAT names the fault and its place. For any input, memory stays within a few times its size (or its inflated
  * size). */

@@ -126,18 +126,6 @@ GByteArray *tc_vmd_encode(const tc_vmd *v, bool compressed, GError **error) {
   return file;
 }
 
-bool tc_vmd_write(const tc_vmd *v, const char *path, bool compressed, GError **error) {
-  GError *trouble = NULL;
-  GByteArray *file = tc_vmd_encode(v, compressed, error);
-  if (!file) return false;
-  bool good = g_file_set_contents_full(path, (const char *)file->data, file->len, G_FILE_SET_CONTENTS_CONSISTENT, 0666,
-                                       &trouble);
-  if (!good) tc_set_error(error, TC_ERROR_IO, NULL, "write %s: %s", path, trouble->message);
-  g_clear_error(&trouble);
-  g_byte_array_unref(file);
-  return good;
-}
-
 /* ---- reading ---- */
 
 typedef struct header {

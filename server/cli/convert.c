@@ -260,7 +260,10 @@ static bool write_mesh(tc_mesh *mesh, const wanted *w, const arguments *a, GErro
 }
 
 static bool write_file(const tc_vmd *model, const arguments *a, GError **error) {
-  if (!tc_vmd_write(model, a->rest[1], a->gzip, error)) return false;
+  GByteArray *file = tc_vmd_encode(model, a->gzip, error);
+  const bool written = file && tc_export_bytes(file->data, file->len, a->rest[1], error);
+  if (file) g_byte_array_unref(file);
+  if (!written) return false;
   printf("%s: %" G_GUINT64_FORMAT " voxels in %" G_GUINT64_FORMAT " runs, %zu bytes in memory\n", a->rest[1],
          model->voxels, model->runs, model->total_bytes);
   return true;

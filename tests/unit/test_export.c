@@ -7,6 +7,7 @@
 #include <unistd.h>
 
 #include "renderer/export/export.h"
+#include "renderer/export/output.h"
 #include "renderer/import/import.h"
 #include "tests/support/folder.h"
 #include "tests/support/scoped.h"
@@ -206,6 +207,23 @@ TEST(a_full_disk_keeps_the_older_file) {
   g_autoptr(GDir) dir = g_dir_open(folder, 0, NULL);
   for (const char *name; (name = g_dir_read_name(dir));) assert_false(g_str_has_prefix(name, "picture.png."));
   g_remove(path);
+}
+
+/* An interrupted process leaves nothing behind: a file has no name until it is complete. */
+TEST(a_file_being_written_has_no_name) {
+  g_autofree char *within = path_of("within"), *inside = g_build_filename(within, "whole.ply", NULL);
+  assert_int_equal(g_mkdir(within, 0700), 0);
+  tc_output o;
+  assert_true(tc_output_begin(&o, inside, false, NULL));
+  tc_output_print(&o, "%d", 123);
+  g_autoptr(GDir) dir = g_dir_open(within, 0, NULL);
+  assert_null(g_dir_read_name(dir));
+  assert_true(tc_output_end(&o, NULL));
+  g_dir_rewind(dir);
+  assert_string_equal(g_dir_read_name(dir), "whole.ply");
+  assert_null(g_dir_read_name(dir));
+  g_remove(inside);
+  g_rmdir(within);
 }
 
 /* What is no file of its own is written to, not replaced. */
