@@ -117,6 +117,13 @@ static bool shape_of(const pick *p, const int voxel[3], double axis[3], double *
   return true;
 }
 
+/* core_of() of tile_tmpl.h; `to` is the way from the eye. */
+static double core_of(const pick *p, const double to[3], const double axis[3], double flat) {
+  const double cosine = fabs(dot3(to, axis)) / sqrt(dot3(to, to)), aslant = (double)TC_SPLAT_ASLANT;
+  const double most = fmax(fmin(flat / (double)p->frame.args.core_root, 1), flat);
+  return flat + (most - flat) * fmin(fmax((cosine - aslant) / aslant, 0), 1);
+}
+
 /* A core on the picture, as project() of tile_tmpl.h has it: `to` is its middle and `axis` where it is flat, in index
  * coordinates, from the eye (in parallel projection from where the ray starts). False: it does not hold the pixel's middle. */
 static bool holds(const pick *p, const double to[3], const double axis[3], double flat) {
@@ -147,16 +154,16 @@ static bool holds(const pick *p, const double to[3], const double axis[3], doubl
  * mm. */
 static bool meets(const pick *p, const int voxel[3], double *t, double *value) {
   const tc_splat_args *g = &p->frame.args;
-  double axis[3] = {0}, flat = 1, move[2] = {0}, to[3], deep = 0, deeper = 0, near = 0;
+  double axis[3] = {0}, flat = 1, move[2] = {0}, from[3], to[3], deep = 0, deeper = 0, near = 0;
   if (!filled_at(p, voxel, value)) return false;
   for (int i = 0; i < g->n_planes; i++)
     if (dot3(g->planes[i], (double[]){voxel[0], voxel[1], voxel[2]}) + g->planes[i][3] < 0) return false;
-  shape_of(p, voxel, axis, &flat, move);
+  for (int k = 0; k < 3; k++) from[k] = voxel[k] - p->at[k];
+  if (shape_of(p, voxel, axis, &flat, move)) flat = core_of(p, g->perspective ? from : p->along, axis, flat);
   for (int k = 0; k < 3; k++) {
-    const double from_eye = voxel[k] - p->at[k];
-    to[k] = from_eye + move[0] * axis[k];
+    to[k] = from[k] + move[0] * axis[k];
     near += (double)g->axis[2][k] * to[k];
-    deep += (double)g->axis[2][k] * (from_eye + move[1] * axis[k]), deeper += (double)g->axis[2][k] * p->along[k];
+    deep += (double)g->axis[2][k] * (from[k] + move[1] * axis[k]), deeper += (double)g->axis[2][k] * p->along[k];
   }
   *t = deep / deeper;
   return *t > 0 && near > 0 && holds(p, to, axis, flat);

@@ -11,8 +11,8 @@ typedef struct rounding {
 V_INLINE void set_way(const tc_splat_args *g, const batch *b, int i, rounding *r, int which) {
   float u = 0, v = 0;
   for (int k = 0; k < 3; k++) u += r->across[which][k] * g->right[k], v += r->across[which][k] * g->down[k];
-  const float det = b->a[i] * b->c[i] - b->b[i] * b->b[i];
-  const float reach2 = g->core * (b->c[i] * u * u - 2 * b->b[i] * u * v + b->a[i] * v * v) / det;
+  const float a = b->kernel.a[i], c = b->kernel.c[i], bb = b->kernel.b[i], det = a * c - bb * bb;
+  const float reach2 = g->core * (c * u * u - 2 * bb * u * v + a * v * v) / det;
   const float scale = reach2 > 0 ? g->move / sqrtf(reach2) : 0;
   r->way[which][0] = u * scale, r->way[which][1] = v * scale;
 }

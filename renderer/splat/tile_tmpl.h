@@ -18,15 +18,20 @@
 
 #include "renderer/raycast/cpu/shading_tmpl.h"
 
+/* What splats cover: q = a dx^2 + 2 b dx dy + c dy^2 <= 1 at dx, dy pixels from their places. */
+typedef struct ellipses {
+  float a[V_LANES], b[V_LANES], c[V_LANES];
+  float half[2][V_LANES]; /* of the ellipse's box */
+} ellipses;
+
 /* V_LANES splats of an entry, from `first` on, projected. */
 typedef struct batch {
   const tc_splat_entry *entry;
   uint32_t first;
   unsigned alive; /* lanes to be drawn; with culling off those that are drawn in vain, too */
   float x[V_LANES], y[V_LANES], z[V_LANES]; /* pixels of the tile, mm */
-  float a[V_LANES], b[V_LANES], c[V_LANES]; /* q = a dx^2 + 2 b dx dy + c dy^2 */
+  ellipses kernel;
   float own[V_LANES];       /* square of the kernel's area over the ellipse's, which is widened to the pixels' width */
-  float half[2][V_LANES];   /* of the ellipse's box */
   float box[4][V_LANES];    /* x0, y0, x1, y1: pixels whose centres the ellipse's box holds; bits of whole numbers */
 } batch;
 
@@ -77,15 +82,27 @@ V_INLINE void unfold(vi word, vf n[3]) {
 }
 
 /* A kernel's own shape: `axis` (index coordinates) is where it is `along` times as long as a ball, and across it
- * `across` times. */
+ * `across` times; its core is `core` times as long there as the ball's. */
 typedef struct shape {
-  vf axis[3], along, across;
+  vf axis[3], along, across, core;
 } shape;
+
+/* Flat cores that are seen aslant leave gaps between them where a surface bends within a voxel. There the core is as thick as the
+ * kernel; where it is seen edge-on it is as flat, so that outlines end where the surface does. */
+V_INLINE vf core_of(const tc_splat_args *g, const vf eye[3], const shape *s, vm flat) {
+  const vf zero = v_set(0), one = v_set(1);
+  vf facing = zero, square = zero;
+  for (int k = 0; k < 3; k++) facing = v_fma(eye[k], s->axis[k], facing), square = v_fma(eye[k], eye[k], square);
+  const vf cosine = v_abs(facing) / v_sqrt(square);
+  const vf thick = v_min(v_max((cosine - v_set(TC_SPLAT_ASLANT)) * v_set(1 / TC_SPLAT_ASLANT), zero), one);
+  const vf most = v_max(v_min(s->along * v_set(1 / g->core_root), one), s->along);
+  return v_select(flat, v_fma(most - s->along, thick, s->along), s->along);
+}
 
 /* A kernel beside a surface is flat and touches the surface from within: outlines end there, and its depth is the
  * surface's. One of a thin voxel stays: a sheet's is as thick as the sheet, a line's follows the line, so that voxels
  * that touch by a corner are drawn as one. */
-V_INLINE shape shape_of(const tc_splat_args *g, const uint8_t *insets, vi word, vf at[3]) {
+V_INLINE shape shape_of(const tc_splat_args *g, const uint8_t *insets, vi word, const vf eye[3], vf at[3]) {
   const vf zero = v_set(0), one = v_set(1);
   vf n[3];
   shape s;
@@ -116,13 +133,34 @@ V_INLINE shape shape_of(const tc_splat_args *g, const uint8_t *insets, vi word, 
     const vf way = v_fma(s.axis[2], v_set(m[2]), v_fma(s.axis[1], v_set(m[1]), s.axis[0] * v_set(m[0])));
     at[r] = v_fma(way, r < 2 ? middle : surface, at[r]);
   }
+  s.core = core_of(g, eye, &s, m_or(m_andnot(known, thin), m_and(thin, sheet)));
   return s;
 }
 
-/* A row of the Jacobian, of the ball that the kernel is made of. */
-V_INLINE void stretch(const shape *s, vf row[3]) {
-  const vf more = (s->along - s->across) * v_fma(row[2], s->axis[2], v_fma(row[1], s->axis[1], row[0] * s->axis[0]));
-  for (int k = 0; k < 3; k++) row[k] = v_fma(more, s->axis[k], row[k] * s->across);
+/* A row of the Jacobian, of the ball that the kernel is made of; the axis is `along` times as long. */
+V_INLINE void stretch(const shape *s, vf along, const vf row[3], vf to[3]) {
+  const vf more = (along - s->across) * v_fma(row[2], s->axis[2], v_fma(row[1], s->axis[1], row[0] * s->axis[0]));
+  for (int k = 0; k < 3; k++) to[k] = v_fma(more, s->axis[k], row[k] * s->across);
+}
+
+/* The ellipses of Jacobians with these rows; scale: pixels a mm. Returns the square of the area over the ellipse's. */
+V_INLINE vf set_ellipses(const tc_splat_args *g, const vf jx[3], const vf jy[3], vf pixels, ellipses *to) {
+  vf xx = v_set(0), yy = xx, xy = xx, area = xx;
+  for (int k = 0; k < 3; k++) {
+    xx = v_fma(jx[k], jx[k], xx), yy = v_fma(jy[k], jy[k], yy), xy = v_fma(jx[k], jy[k], xy);
+  }
+  for (int k = 0; k < 3; k++) { /* det J J', as a sum of squares: what is long and narrow cancels nothing */
+    const int l = (k + 1) % 3;
+    vf across = v_fnma(jx[l], jy[k], jx[k] * jy[l]);
+    area = v_fma(across, across, area);
+  }
+  const vf scale = pixels * pixels * v_set(g->radius2), least = v_set(g->least2);
+  area = area * scale * scale, xx = xx * scale, yy = yy * scale, xy = xy * scale;
+  vf inverse = v_set(1) / v_fma(least, xx + yy + least, area);
+  xx = xx + least, yy = yy + least;
+  v_store(to->a, yy * inverse), v_store(to->b, v_set(0) - xy * inverse), v_store(to->c, xx * inverse);
+  v_store(to->half[0], v_sqrt(xx)), v_store(to->half[1], v_sqrt(yy));
+  return area * inverse;
 }
 
 /* Numbers of the pixels whose centres lie within `r` of `at`, as bits; returns where there are any. */
@@ -137,9 +175,9 @@ V_INLINE vm set_reach(vf at, vf r, int size, float lo[V_LANES], float hi[V_LANES
 }
 
 /* Pixels of the tile whose centres the boxes of ellipses `part` times as wide hold. */
-V_INLINE vm set_box(const batch *b, const tc_splat_tile *t, float part, float box[4][V_LANES]) {
-  const vm across = set_reach(v_load(b->x), v_load(b->half[0]) * v_set(part), t->width, box[0], box[2]);
-  return m_and(across, set_reach(v_load(b->y), v_load(b->half[1]) * v_set(part), t->height, box[1], box[3]));
+V_INLINE vm set_box(const batch *b, const ellipses *of, const tc_splat_tile *t, float part, float box[4][V_LANES]) {
+  const vm across = set_reach(v_load(b->x), v_load(of->half[0]) * v_set(part), t->width, box[0], box[2]);
+  return m_and(across, set_reach(v_load(b->y), v_load(of->half[1]) * v_set(part), t->height, box[1], box[3]));
 }
 
 /* What is at a place of view space as seen from the eye: slopes of its ray, pixels a mm there, pixels of the tile. */
@@ -167,9 +205,11 @@ V_INLINE vm near_tile(const tc_splat_entry *e, const tc_splat_tile *t, const sig
   return m_and(right, m_and(v_le(before, s->y), v_le(s->y, v_set((float)t->height) + reach)));
 }
 
-/* False: none of the splats meets the tile. */
+V_INLINE bool has_shapes(const tc_splat_args *g) { return g->opaque && g->move > 0; }
+
+/* False: none of the splats meets the tile. cores: set where kernels have shapes of their own; NULL: not wanted. */
 V_INLINE bool project(const tc_splat_args *g, const tc_splat_entry *e, const tc_splat_tile *t, uint32_t first,
-                      batch *out) {
+                      batch *out, ellipses *cores) {
   const uint32_t count = e->brick.first + e->brick.count - first;
   vi word = v_bits(v_load((const float *)(const void *)(e->of->words + first)));
   vf d[3] = {v_float(nibble(word, 0)), v_float(nibble(word, 4)), v_float(nibble(word, 8))};
@@ -181,36 +221,31 @@ V_INLINE bool project(const tc_splat_args *g, const tc_splat_entry *e, const tc_
   vf at[3] = {along(g, 0, d, e->at[0]), along(g, 1, d, e->at[1]), along(g, 2, d, e->at[2])};
   sight from = sight_of(g, t, at);
   if (!m_any(m_and(wanted, near_tile(e, t, &from)))) return false;
-  const bool shaped = g->opaque && g->move > 0;
+  const bool shaped = has_shapes(g);
   shape own;
-  if (shaped) own = shape_of(g, e->of->insets + first, word, at), from = sight_of(g, t, at);
+  if (shaped) {
+    const vf eye[3] = {v_set(e->eye[0]) - d[0], v_set(e->eye[1]) - d[1], v_set(e->eye[2]) - d[2]};
+    own = shape_of(g, e->of->insets + first, word, eye, at), from = sight_of(g, t, at);
+  }
   const vm inside = m_and(lanes, v_lt(v_set(g->near_mm), at[2]));
   vm alive = m_and(inside, facing);
   if (e->clipped) alive = kept_by_planes(g, e, d, alive);
   if (g->culling && !m_any(alive)) return false;
-  vf xx = v_set(0), yy = xx, xy = xx, area = xx, jx[3], jy[3];
+  vf jx[3], jy[3];
   for (int k = 0; k < 3; k++) {
     jx[k] = v_fnma(from.u, v_set(g->axis[2][k]), v_set(g->axis[0][k]));
     jy[k] = v_fnma(from.v, v_set(g->axis[2][k]), v_set(g->axis[1][k]));
   }
-  if (shaped) stretch(&own, jx), stretch(&own, jy);
-  for (int k = 0; k < 3; k++) {
-    xx = v_fma(jx[k], jx[k], xx), yy = v_fma(jy[k], jy[k], yy), xy = v_fma(jx[k], jy[k], xy);
+  if (shaped) {
+    vf kx[3], ky[3];
+    stretch(&own, own.core, jx, kx), stretch(&own, own.core, jy, ky);
+    if (cores) set_ellipses(g, kx, ky, from.scale, cores);
+    stretch(&own, own.along, jx, kx), stretch(&own, own.along, jy, ky);
+    memcpy(jx, kx, sizeof jx), memcpy(jy, ky, sizeof jy);
   }
-  for (int k = 0; k < 3; k++) { /* det J J', as a sum of squares: what is long and narrow cancels nothing */
-    const int l = (k + 1) % 3;
-    vf across = v_fnma(jx[l], jy[k], jx[k] * jy[l]);
-    area = v_fma(across, across, area);
-  }
-  const vf scale = from.scale * from.scale * v_set(g->radius2), least = v_set(g->least2);
-  area = area * scale * scale, xx = xx * scale, yy = yy * scale, xy = xy * scale;
-  vf inverse = v_set(1) / v_fma(least, xx + yy + least, area);
-  xx = xx + least, yy = yy + least;
+  v_store(out->own, set_ellipses(g, jx, jy, from.scale, &out->kernel));
   v_store(out->x, from.x), v_store(out->y, from.y), v_store(out->z, v_select(alive, at[2], v_set(INFINITY)));
-  v_store(out->a, yy * inverse), v_store(out->b, v_set(0) - xy * inverse), v_store(out->c, xx * inverse);
-  v_store(out->own, area * inverse);
-  v_store(out->half[0], v_sqrt(xx)), v_store(out->half[1], v_sqrt(yy));
-  const vm meets = set_box(out, t, 1, out->box);
+  const vm meets = set_box(out, &out->kernel, t, 1, out->box);
   out->entry = e, out->first = first, out->alive = m_bits(m_and(meets, g->culling ? alive : inside));
   return out->alive != 0;
 }
@@ -260,9 +295,9 @@ typedef struct columns {
   vf dx, constant, linear, square;
 } columns;
 
-V_INLINE columns columns_of(const batch *b, int i, int x) {
+V_INLINE columns columns_of(const batch *b, const ellipses *of, int i, int x) {
   const vf dx = v_load(lane_numbers) + v_set((float)x + 0.5f - b->x[i]);
-  return (columns){dx, dx * dx * v_set(b->a[i]), dx * v_set(2 * b->b[i]), v_set(b->c[i])};
+  return (columns){dx, dx * dx * v_set(of->a[i]), dx * v_set(2 * of->b[i]), v_set(of->c[i])};
 }
 
 V_INLINE vf distances(const columns *c, vf dy) { return v_fma(dy, v_fma(dy, c->square, c->linear), c->constant); }
@@ -280,16 +315,16 @@ V_INLINE bool leaves(const tc_splat_args *g, uint32_t batches, tc_splat_tile *t)
 V_INLINE uint32_t batches_of(const tc_splat_entry *e) { return (e->brick.count + V_LANES - 1) / V_LANES; }
 
 /* The cores of lanes `front`. */
-V_INLINE void put_cores(const tc_splat_args *g, const batch *b, unsigned front, tc_splat_tile *t) {
+V_INLINE void put_cores(const tc_splat_args *g, const batch *b, const ellipses *cores, unsigned front, tc_splat_tile *t) {
   float box[4][V_LANES];
-  for (unsigned left = front & m_bits(set_box(b, t, g->core_root, box)); left; left &= left - 1) {
+  for (unsigned left = front & m_bits(set_box(b, cores, t, g->core_root, box)); left; left &= left - 1) {
     const int i = __builtin_ctz(left);
     const reach r = reach_of(box, i);
     const vf z = v_set(b->z[i]);
     vm changed = v_lt(z, z);
     t->depths++;
     for (int x = r.x0; x <= r.x1; x += V_LANES) {
-      const columns c = columns_of(b, i, x);
+      const columns c = columns_of(b, cores, i, x);
       float *p = t->depth + r.y0 * TC_TILE_STRIDE + x;
       vf dy = first_dy(b, i, r.y0);
       for (int y = r.y0; y <= r.y1; y++, p += TC_TILE_STRIDE, dy = dy + v_set(1)) {
@@ -307,14 +342,15 @@ static void put_depths(const tc_splat_args *g, const tc_splat_entry *e, tc_splat
   const uint32_t n = batches_of(e);
   t->visited += e->brick.count;
   batch own;
+  ellipses cores;
   for (uint32_t i = 0; i < n; i++) {
     batch *b = t->keeps ? (batch *)(void *)t->kept + t->n_kept : &own;
     unsigned front;
     if (leaves(g, i, t)) return;
-    if (!project(g, e, t, e->brick.first + V_LANES * i, b)) continue;
+    if (!project(g, e, t, e->brick.first + V_LANES * i, b, &cores)) continue;
     b->alive = shown(g, b, t, &front);
     t->n_kept += t->keeps && b->alive;
-    put_cores(g, b, front, t);
+    put_cores(g, b, has_shapes(g) ? &cores : &b->kernel, front, t);
   }
 }
 
@@ -428,7 +464,7 @@ V_INLINE void add_footprint(const tc_splat_args *g, const batch *b, int i, const
   matter m;
   bool looked = false;
   for (int x = r.x0; x <= r.x1; x += V_LANES) {
-    const columns c = columns_of(b, i, x);
+    const columns c = columns_of(b, &b->kernel, i, x);
     int p = r.y0 * TC_TILE_STRIDE + x;
     vf dy = first_dy(b, i, r.y0);
     for (int y = r.y0; y <= r.y1; y++, p += TC_TILE_STRIDE, dy = dy + v_set(1)) {
@@ -479,7 +515,7 @@ static void put_colors(const tc_splat_args *g, const tc_splat_entry *e, tc_splat
   batch b;
   unsigned front;
   for (uint32_t i = 0; i < batches_of(e) && !leaves(g, i, t); i++)
-    if (project(g, e, t, e->brick.first + V_LANES * i, &b)) color(g, &b, shown(g, &b, t, &front), t);
+    if (project(g, e, t, e->brick.first + V_LANES * i, &b, NULL)) color(g, &b, shown(g, &b, t, &front), t);
 }
 
 /* ---- light ---- */
@@ -541,7 +577,7 @@ V_INLINE void add_matter(const tc_splat_args *g, const batch *b, int i, const re
                          tc_splat_tile *t) {
   const float depth = mass_of(g, b, i, t) * rgbk[3];
   for (int x = r->x0; x <= r->x1; x += V_LANES) {
-    const columns c = columns_of(b, i, x);
+    const columns c = columns_of(b, &b->kernel, i, x);
     int p = r->y0 * TC_TILE_STRIDE + x;
     vf dy = first_dy(b, i, r->y0);
     for (int y = r->y0; y <= r->y1; y++, p += TC_TILE_STRIDE, dy = dy + v_set(1)) {
@@ -594,7 +630,7 @@ static void put_sheet(const tc_splat_args *g, const tc_splat_entry *e, int axis,
   for (uint32_t first = begin; first < end; first += V_LANES) {
     if (leaves(g, (first - begin) / V_LANES, t)) return;
     vm wanted = in_sheet(e, first, axis, at);
-    if (!m_any(wanted) || !project(g, e, t, first, &b)) continue;
+    if (!m_any(wanted) || !project(g, e, t, first, &b, NULL)) continue;
     v_store(here, v_select(wanted, v_set(1), v_set(0)));
     look_up_matter(g, &b, here, t, rgbk);
     for (int i = 0; i < V_LANES; i++) {

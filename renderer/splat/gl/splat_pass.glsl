@@ -40,15 +40,20 @@ vec3 unfolded(uint word) {
   return n * (1.0 / sqrt(dot(n, n)));
 }
 
-const float FLAT = 0.4, LONG = 1.3; // TC_SPLAT_FLAT, TC_SPLAT_LONG
+const float FLAT = 0.4, LONG = 1.3, ASLANT = 0.3; // TC_SPLAT_FLAT, TC_SPLAT_LONG, TC_SPLAT_ASLANT
 const uint SHEET = 0u, END = 2u, DOT = 3u; // tc_splat_thin
 
 bool is_thin(uint word) { return (word >> 12 & word >> 13 & 0x15u) != 0u; }
 
-// shape_of() and stretch() of tile_tmpl.h.
+// shape_of(), core_of() and stretch() of tile_tmpl.h; eye: from the voxel, index coordinates.
 struct Shape { vec3 axis; float along, across; };
 
-Shape shape_of(uint word, uint stored, inout vec3 at) {
+float core_of(Shape s, vec3 eye) {
+  float thick = clamp((abs(dot(eye, s.axis)) / length(eye) - ASLANT) / ASLANT, 0.0, 1.0);
+  return mix(s.along, max(min(s.along / splat.core_root, 1.0), s.along), thick);
+}
+
+Shape shape_of(uint word, uint stored, vec3 eye, inout vec3 at) {
   vec3 n = unfolded(word);
   Shape s = Shape(normalize(vec3(dot(splat.covariant[0].xyz, n), dot(splat.covariant[1].xyz, n), dot(splat.covariant[2].xyz, n))), 1.0, 1.0);
   if (stored == 0u)
@@ -67,6 +72,10 @@ Shape shape_of(uint word, uint stored, inout vec3 at) {
     at += way * vec3(middle, middle, surface);
   }
   s.along = fma(along - 1.0, splat.move, 1.0), s.across = fma(across - 1.0, splat.move, 1.0);
+#if PASS == 1
+  if (!is_thin(word) || what == SHEET)
+    s.along = core_of(s, eye);
+#endif
   return s;
 }
 
@@ -79,7 +88,7 @@ bool project(Entry e, uint word, uint stored, out Footprint f) {
   vec3 at = vec3(along(0, d, e.at.x), along(1, d, e.at.y), along(2, d, e.at.z));
   Shape own = Shape(vec3(0.0), 1.0, 1.0);
   if (PASS != 4 && splat.move > 0.0)
-    own = shape_of(word, stored, at);
+    own = shape_of(word, stored, e.eye.xyz - d, at);
   float x = at.x, y = at.y, u = 0.0, v = 0.0, scale = splat.scale;
   f.word = word, f.inset = stored;
   f.z = at.z;
