@@ -325,6 +325,15 @@ static bool write_report(const char *path, const cJSON *report, GError **error) 
   return good;
 }
 
+/* Before minutes of measuring, not after them. */
+static bool check_folder(const char *path, GError **error) {
+  char *folder = g_path_get_dirname(path);
+  const bool good = access(folder, W_OK) == 0;
+  if (!good) tc_set_error(error, TC_ERROR_IO, NULL, "--json %s: %s: %s", path, folder, g_strerror(errno));
+  g_free(folder);
+  return good;
+}
+
 static bool parse(bench *b, int argc, char **argv, GError **error) {
   arguments *a = &b->args;
   const GOptionEntry entries[] = {
@@ -357,6 +366,7 @@ static bool parse(bench *b, int argc, char **argv, GError **error) {
                  "--size 1..4096, --runs 1..1000, --error 0..1000000, --cache from 0 and --zoom above 0 expected");
     return false;
   }
+  if (a->json && strcmp(a->json, "-") && !check_folder(a->json, error)) return false;
   if (a->paper && strcmp(a->paper, "003") && strcmp(a->paper, "004") && !tcs_paper_known(a->paper)) {
     tc_set_error(error, TC_ERROR_INVALID, NULL, "--paper %s: 000 or 001 expected, or 003 or 004", a->paper);
     return false;

@@ -249,7 +249,7 @@ static bool write_mesh(tc_mesh *mesh, const wanted *w, const arguments *a, GErro
   }
   const bool good = mesh && tc_export_mesh(mesh, a->rest[1], a->ascii, error);
   const double loss = good ? tc_export_mesh_loss(mesh, a->rest[1]) : 0;
-  if (good) printf("%s: %zu triangles, %zu vertices\n", a->rest[1], mesh->n_triangles, mesh->n_vertices);
+  if (good) printf("%s: %zu triangle%s, %zu vertices\n", a->rest[1], mesh->n_triangles, mesh->n_triangles == 1 ? "" : "s", mesh->n_vertices);
   if (loss > MOST_LOSS_MM)
     fprintf(stderr,
             "tomocast convert: so far from the origin STL's single precision moves vertices by up to %.2g mm; .ply and "
