@@ -1,7 +1,8 @@
 /* Writes volumes and meshes to files. The ending of the name chooses the format: .nrrd, .mha, .nii and .nii.gz for a
  * volume, which renderer/import reads back with the same values and geometry; .ply, .stl and .obj for a mesh, in LPS
  * mm, with the comment "SPACE=LPS" for readers. The file appears under its name only when it is complete and then
- * replaces an older one atomically; after a failure (TC_ERROR_IO) the older file stays. A device, pipe or symbolic link is written to as it is. Any thread. */
+ * replaces an older one atomically; after a failure (TC_ERROR_IO) the older file stays. A device, a pipe or a symbolic
+ * link is not replaced but written to, and then keeps what was written before a failure. Any thread. */
 #ifndef TC_EXPORT_H
 #define TC_EXPORT_H
 

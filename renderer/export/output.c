@@ -37,7 +37,8 @@ static bool is_special(const char *path) {
   return lstat(path, &facts) == 0 && !S_ISREG(facts.st_mode) && !S_ISDIR(facts.st_mode);
 }
 
-/* A file without a name vanishes with an interrupted process; a file system without such files gets one with a temporary name. */
+/* A file without a name vanishes with an interrupted process. On file systems without such files the part has a temporary
+ * name. */
 static void open_part(tc_output *o) {
   char *within = g_path_get_dirname(o->path);
   o->descriptor = open(within, O_TMPFILE | O_WRONLY | O_CLOEXEC, 0666);

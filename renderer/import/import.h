@@ -55,8 +55,8 @@ typedef struct tc_mesh_file {
 bool tc_import_names_mesh(const char *path);
 
 /* Loads the mesh PATH: .obj, .ply or .stl (each also with .gz or .bz2), recognised by content first, in mm, LPS unless a
- * comment says "SPACE=RAS". Polygons, concave ones too, become triangles; corners of an STL in one place become one vertex; normals are the
- * file's, or none. Coordinates beyond 8192 mm keep their precision through the mesh's origin. options->max_voxel_bytes limits
+ * comment says "SPACE=RAS". Polygons, concave ones too, become triangles; corners of an STL in one place become one
+ * vertex; normals are the file's, or none. Coordinates beyond 8192 mm keep their precision through the mesh's origin. options->max_voxel_bytes limits
  * the mesh's bytes. `source` may be NULL. */
 tc_mesh *tc_import_mesh(const char *path, const tc_import_options *options, tc_mesh_file *source, GError **error);
 

@@ -14,7 +14,7 @@
 #define TC_TILE_BLOCKS (TC_TILE / TC_TILE_BLOCK)
 #define TC_WEIGHT_STEPS 1024
 #define TC_TILE_KEPT (1 << 20) /* bytes for splats that the first pass keeps for the second */
-#define TC_SPLAT_ASLANT 0.3f /* cosine of normal and eye from which on a core is thicker; at twice as much it is as thick as the kernel */
+#define TC_SPLAT_ASLANT 0.3f /* from this cosine between normal and eye on a core is thicker than flat; from twice this on as thick as its kernel */
 #define TC_SPLAT_FLAT 0.4f /* thickness of a surface's kernel over its width, where voxels are large */
 
 enum { TC_SUM_WEIGHT, TC_SUM_NORMAL, TC_SUM_COLOR = TC_SUM_NORMAL + 3, TC_SUMS = TC_SUM_COLOR + 3 };

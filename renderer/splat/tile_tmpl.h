@@ -87,8 +87,9 @@ typedef struct shape {
   vf axis[3], along, across, core;
 } shape;
 
-/* Flat cores that are seen aslant leave gaps between them where a surface bends within a voxel. There the core is as thick as the
- * kernel; where it is seen edge-on it is as flat, so that outlines end where the surface does. */
+/* Flat cores leave gaps between them where a surface bends within a voxel. A core that faces the eye is therefore as thick
+ * as its kernel (never thicker, so that the kernel's box holds the core); a core seen edge-on stays flat, so that outlines
+ * end where the surface does. */
 V_INLINE vf core_of(const tc_splat_args *g, const vf eye[3], const shape *s, vm flat) {
   const vf zero = v_set(0), one = v_set(1);
   vf facing = zero, square = zero;
@@ -238,8 +239,10 @@ V_INLINE bool project(const tc_splat_args *g, const tc_splat_entry *e, const tc_
   }
   if (shaped) {
     vf kx[3], ky[3];
-    stretch(&own, own.core, jx, kx), stretch(&own, own.core, jy, ky);
-    if (cores) set_ellipses(g, kx, ky, from.scale, cores);
+    if (cores) {
+      stretch(&own, own.core, jx, kx), stretch(&own, own.core, jy, ky);
+      set_ellipses(g, kx, ky, from.scale, cores);
+    }
     stretch(&own, own.along, jx, kx), stretch(&own, own.along, jy, ky);
     memcpy(jx, kx, sizeof jx), memcpy(jy, ky, sizeof jy);
   }

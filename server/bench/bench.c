@@ -328,7 +328,7 @@ static bool write_report(const char *path, const cJSON *report, GError **error) 
 /* Before minutes of measuring, not after them. */
 static bool check_folder(const char *path, GError **error) {
   char *folder = g_path_get_dirname(path);
-  const bool good = access(folder, W_OK) == 0;
+  const bool good = access(folder, F_OK) == 0;
   if (!good) tc_set_error(error, TC_ERROR_IO, NULL, "--json %s: %s: %s", path, folder, g_strerror(errno));
   g_free(folder);
   return good;

@@ -152,7 +152,7 @@ TEST(concave_polygons_without_end_are_refused) {
   make_spiral(o);
   for (int i = 0; i < o->n; i++) memcpy(positions[i], (const float[3]){(float)o->at[i][0], (float)o->at[i][1], 0}, 12), corners[i] = (uint32_t)i;
   assert_false(tc_polygon_split(&p, (const float(*)[3])positions, corners, (size_t)o->n, &error));
-  assert_string_equal(error->message, "concave polygons of too many corners; save the mesh as triangles");
+  assert_string_equal(error->message, "the file has concave polygons of too many corners; save the mesh as triangles");
   tc_polygon_clear(&p);
 }
 

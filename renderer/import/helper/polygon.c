@@ -4,7 +4,7 @@
 #include <math.h>
 #include <string.h>
 
-/* Some 5 s of a core: a concave polygon of 18,000 corners, or 10,000 of 300. */
+/* 2 to 7 s on a core of an AMD EPYC, measured with a spiral of 60,000 corners and with 30,000 random places. */
 #define MOST_TESTS UINT64_C(1000000000)
 
 static bool make_room(tc_polygon *p, size_t n, GError **error) {
@@ -113,7 +113,7 @@ static bool clip(tc_polygon *p, uint32_t n, GError **error) {
   for (uint32_t i = 0; i < n; i++) judge(p, i);
   while (left > 3) {
     if (p->tests > MOST_TESTS) {
-      tc_set_error(error, TC_ERROR_LIMIT, NULL, "concave polygons of too many corners; save the mesh as triangles");
+      tc_set_error(error, TC_ERROR_LIMIT, NULL, "the file has concave polygons of too many corners; save the mesh as triangles");
       return false;
     }
     if (takes == ANY || (takes == CONVEX && !p->reflex[at]) || is_ear(p, at)) {
