@@ -176,6 +176,7 @@ static bool measure(bench *b, GError **error) {
                                    .threads = b->args.threads,
                                    .cache_bytes = (uint64_t)b->args.cache << 20};
     if (variants[i].backend == TC_BACKEND_GL && !b->args.gl) continue;
+    if (b->args.isa && g_strcmp0(variants[i].isa, b->args.isa)) continue;
     r->renderer = tc_renderer_new(&options, NULL); /* not available on this machine: no row */
     if (!r->renderer) continue;
     if (!measure_changes(b, r, &variants[i], error) || !render(b, r, &variants[i], true, error)) return false;
@@ -340,7 +341,7 @@ static bool parse(bench *b, int argc, char **argv, GError **error) {
       {"size", 0, 0, G_OPTION_ARG_INT, &a->size, "width and height of the picture (512)", "PIXELS"},
       {"runs", 0, 0, G_OPTION_ARG_INT, &a->runs, "timed frames per variant (9)", "N"},
       {"threads", 0, 0, G_OPTION_ARG_INT, &a->threads, "CPU workers (one per core)", "N"},
-      {"isa", 0, 0, G_OPTION_ARG_STRING, &a->isa, "of --objects: scalar, avx2, avx512 or avx512-gather", "NAME"},
+      {"isa", 0, 0, G_OPTION_ARG_STRING, &a->isa, "only scalar, avx2 or avx512; of --objects also avx512-gather", "NAME"},
       {"error", 0, 0, G_OPTION_ARG_INT, &a->pixels, "pixels compared with the reference (1000; 0 = none)", "N"},
       {"azimuth", 0, 0, G_OPTION_ARG_DOUBLE, &a->azimuth, "camera, degrees about the body axis (30)", "DEG"},
       {"elevation", 0, 0, G_OPTION_ARG_DOUBLE, &a->elevation, "camera, degrees upwards (20)", "DEG"},

@@ -13,6 +13,7 @@ typedef struct march {
   ptrdiff_t ahead; /* offset in voxels to the position of the rays PREFETCH_STEPS later */
   bool near;       /* most steps fit a neighbourhood */
   float lo[3], rise[3], width[3]; /* at step i, the lanes lie from lo + i rise to width beyond, along each axis */
+  int inner, n_inner; /* steps, and their number, at which all cells fit a neighbourhood and no position is clamped */
 } march;
 
 V_INLINE float v_most(vf a) { return 0 - v_least(v_set(0) - a); }
@@ -27,12 +28,29 @@ V_INLINE void level_lanes(const tc_cpu_args *args, packet *p) {
   p->most_delay = v_most(delay);
 }
 
+/* Sets m->inner and m->n_inner: between them no ray ends, and the bounds lie within the volume. */
+V_INLINE void find_inner(const tc_cpu_args *args, const packet *p, march *m) {
+  const vf ends = v_fma(p->length, v_set(args->rays.inverse_step), p->delay);
+  float from = 0, to = v_least(v_select(p->live, ends, v_set(1e6f)));
+#pragma GCC unroll 3
+  for (int k = 0; k < 3; k++) {
+    const float rise = m->rise[k], inverse = rise ? 1 / rise : 1e12f; /* a ray that does not move: soon, or never */
+    const float at_lo = (0 - m->lo[k]) * inverse, at_hi = (args->grid.last[k] - m->lo[k] - m->width[k]) * inverse;
+    const float enters = rise < 0 ? at_hi : at_lo, leaves = rise < 0 ? at_lo : at_hi;
+    from = from < enters ? enters : from;
+    to = to < leaves ? to : leaves;
+  }
+  m->inner = 1 + (int)(from < 1e6f ? from : 1e6f);
+  m->n_inner = to < (float)m->inner ? 0 : (int)to - m->inner;
+}
+
 /* Bounds the lanes' positions (m->lo, m->rise, m->width). Each lane's position is linear in the step, so the minimum
  * over the lanes is concave and lies above the chord from the packet's first step to its last; the maximum lies below
  * its chord. Returns the expected number of neighbourhoods per step. */
 V_INLINE float bound_lanes(const tc_cpu_args *args, variant v, const packet *p, march *m) {
   vf far = v_set(1e9f);
   float steps = 1 + v_most(v_fma(p->length, v_set(args->rays.inverse_step), p->delay)), parts = 1;
+  bool fits = true;
 #pragma GCC unroll 3
   for (int k = 0; k < 3; k++) {
     vf rise = p->dir[k] * v_set(args->rays.step_mm);
@@ -41,13 +59,16 @@ V_INLINE float bound_lanes(const tc_cpu_args *args, variant v, const packet *p, 
     float width = v_most(v_select(p->live, begin, v_set(0) - far)) - lo;
     float width_end = v_most(v_select(p->live, end, v_set(0) - far)) - lo_end;
     if (width < width_end) width = width_end;
-    const float cells = (float)(k ? 4 : near_width(v.type)) - 1;
+    const float cells = (float)(k ? 4 : near_width(v.type)) - 1, slack = 0.002f + 4e-6f * args->grid.last[k];
     if (width > cells - 1) parts *= (width + 1) / cells;
+    fits = fits && width + 2 * slack < cells - 1;
     if (args->grid.last[k] < cells) parts = 1e9f;
-    m->lo[k] = lo;
+    m->lo[k] = lo - slack; /* for rounding */
     m->rise[k] = (lo_end - lo) / steps;
-    m->width[k] = width;
+    m->width[k] = width + 2 * slack;
   }
+  m->n_inner = 0;
+  if (fits && !phased(v)) find_inner(args, p, m);
   return parts;
 }
 
@@ -115,14 +136,35 @@ V_INLINE ptrdiff_t near_first(const tc_cpu_args *args, int type, const march *m,
   return first;
 }
 
-/* The corners of the lanes' cells at step i. needs: lanes whose sample will be used; the others need not fit. */
-V_INLINE corners march_near(const tc_cpu_args *args, int type, const march *m, int i, const vi cell[3], vm needs) {
+/* Where the lanes' cells lie in the neighbourhood that begins at cell `least`, at a step of m->inner. */
+V_INLINE vi inner_places(const tc_cpu_args *args, int type, const packet *p, vf t, const int least[3], vf f[3]) {
+  const float row = (float)near_width(type), slice = 4 * row;
+  vf whole[3];
+#pragma GCC unroll 3
+  for (int k = 0; k < 3; k++) {
+    const vf q = v_fma(t, p->dir[k], p->entry[k]);
+    whole[k] = v_whole(q);
+    f[k] = q - whole[k];
+  }
+  const vf first = v_set((float)least[0] + row * (float)least[1] + slice * (float)least[2]);
+  return v_trunc(v_fma(whole[2], v_set(slice), v_fma(whole[1], v_set(row), whole[0] - first)));
+}
+
+/* The corners of the lanes' cells at step i, and the positions in them. needs: lanes whose sample will be used; the others
+ * need not fit. */
+V_INLINE corners march_near(const tc_cpu_args *args, int type, const packet *p, const march *m, int i, vf t, vm needs, vf f[3]) {
   int least[3];
   vi at;
   const ptrdiff_t first = near_first(args, type, m, i, least);
-  const vm fits = near_places(type, least, cell, &at);
   prefetch_rows(args, type, first + m->ahead);
-  if (__builtin_expect(m_any(m_andnot(needs, fits)), 0)) return gather_apart(args, type, cell_offset(args, cell));
+  if (__builtin_expect((unsigned)(i - m->inner) < (unsigned)m->n_inner, 1)) {
+    at = inner_places(args, type, p, t, least, f);
+  } else {
+    const spot s = spot_at(args, p, t);
+    for (int k = 0; k < 3; k++) f[k] = s.f[k];
+    const vm fits = near_places(type, least, s.cell, &at);
+    if (__builtin_expect(m_any(m_andnot(needs, fits)), 0)) return gather_apart(args, type, cell_offset(args, s.cell));
+  }
   return near_corners(args, type, first, at);
 }
 #endif
@@ -131,14 +173,15 @@ V_INLINE corners march_near(const tc_cpu_args *args, int type, const march *m, i
 V_INLINE vf march_voxel(const tc_cpu_args *args, variant v, const packet *p, const march *m, int i, vf t, vm needs,
                         vf *gradient) {
   if (v.filter != TC_FILTER_LINEAR) return sample_field(args, v, p, t, gradient);
-  const spot s = spot_at(args, p, t);
   corners c;
 #ifdef V_NEAR
   if (m->near) {
-    c = march_near(args, v.type, m, i, s.cell, needs);
-    return interpolate(v.type, &c, s.f, gradient);
+    vf f[3];
+    c = march_near(args, v.type, p, m, i, t, needs, f);
+    return interpolate(v.type, &c, f, gradient);
   }
 #endif
+  const spot s = spot_at(args, p, t);
   const vi off = cell_offset(args, s.cell);
   c = gather_corners(args, v.type, off);
   v_prefetch((const void *)((uintptr_t)args->grid.voxels + (uintptr_t)(m->ahead * voxel_bytes(v.type))), off,

@@ -45,9 +45,8 @@ typedef struct peak {
 } peak;
 
 /* Refines the peak between samples: the greatest value of the field near the greatest sample (raycast/projection.h). */
-V_ONCE vf refine_peak(const tc_cpu_args *args, const packet *p, const peak *from) {
+V_ONCE vf refine_peak(const tc_cpu_args *args, const packet *p, vf best, vf at) {
   const variant v = {.type = args->key.voxel_type, .filter = args->key.filter, .labels = args->key.labels};
-  vf best = from->best, at = from->at;
   float offset = 0.5f * args->rays.step_mm;
   for (int round = 0; round < TC_PEAK_ROUNDS; round++, offset *= 0.5f) {
     vf middle = at;
@@ -210,7 +209,7 @@ V_INLINE void cast_extreme(const tc_cpu_args *args, variant v, const place *at_p
   }
   vm between = m_and(p.live, m_and(v_lt(floor, have.best), v_lt(have.best, stop)));
   if (m_any(between)) {
-    have.best = v_select(between, refine_peak(args, &p, &have), have.best);
+    have.best = v_select(between, refine_peak(args, &p, have.best, have.at), have.best);
     counts->samples += (uint64_t)m_count(between) * 2 * TC_PEAK_ROUNDS;
   }
   /* A finished ray may have exceeded stop while other lanes marched: clamped, so that its grey does not depend on

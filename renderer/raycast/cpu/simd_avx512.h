@@ -177,6 +177,7 @@ V_INLINE v_near_f32 v_near_load_f32(const void *p, ptrdiff_t row, ptrdiff_t slic
   return n;
 }
 
+V_INLINE vf v_whole(vf a) { return _mm512_roundscale_ps(a, _MM_FROUND_TO_ZERO | _MM_FROUND_NO_EXC); }
 V_INLINE vi v_near_both(vi at) { return _mm512_add_epi32(_mm512_or_si512(at, v_shl(at, 16)), v_seti(0x10000)); }
 V_INLINE void v_near_pair_u16(const v_near_words *n, vi at, int more, vf *a, vf *b) {
   vi both = v_addi(v_near_both(at), v_seti(more * 0x10001));
