@@ -13,7 +13,8 @@ typedef struct march {
   ptrdiff_t ahead; /* offset in voxels to the position of the rays PREFETCH_STEPS later */
   bool near;       /* most steps fit a neighbourhood */
   float lo[3], rise[3], width[3]; /* at step i, the lanes lie from lo + i rise to width beyond, along each axis */
-  int inner, n_inner; /* steps, and their number, at which all cells fit a neighbourhood and no position is clamped */
+  int inner, n_inner; /* steps, and their number, that lie within the volume: no position is clamped */
+  bool fits;          /* at all of them */
 } march;
 
 V_INLINE float v_most(vf a) { return 0 - v_least(v_set(0) - a); }
@@ -28,10 +29,10 @@ V_INLINE void level_lanes(const tc_cpu_args *args, packet *p) {
   p->most_delay = v_most(delay);
 }
 
-/* Sets m->inner and m->n_inner: between them no ray ends, and the bounds lie within the volume. */
+/* Sets m->inner and m->n_inner: there all rays have begun, none ends, and the bounds lie within the volume. */
 V_INLINE void find_inner(const tc_cpu_args *args, const packet *p, march *m) {
   const vf ends = v_fma(p->length, v_set(args->rays.inverse_step), p->delay);
-  float from = 0, to = v_least(v_select(p->live, ends, v_set(1e6f)));
+  float from = p->most_delay, to = v_least(v_select(p->live, ends, v_set(1e6f)));
 #pragma GCC unroll 3
   for (int k = 0; k < 3; k++) {
     const float rise = m->rise[k], inverse = rise ? 1 / rise : 1e12f; /* a ray that does not move: soon, or never */
@@ -50,7 +51,7 @@ V_INLINE void find_inner(const tc_cpu_args *args, const packet *p, march *m) {
 V_INLINE float bound_lanes(const tc_cpu_args *args, variant v, const packet *p, march *m) {
   vf far = v_set(1e9f);
   float steps = 1 + v_most(v_fma(p->length, v_set(args->rays.inverse_step), p->delay)), parts = 1;
-  bool fits = true;
+  m->fits = true;
 #pragma GCC unroll 3
   for (int k = 0; k < 3; k++) {
     vf rise = p->dir[k] * v_set(args->rays.step_mm);
@@ -61,14 +62,14 @@ V_INLINE float bound_lanes(const tc_cpu_args *args, variant v, const packet *p, 
     if (width < width_end) width = width_end;
     const float cells = (float)(k ? 4 : near_width(v.type)) - 1, slack = 0.002f + 4e-6f * args->grid.last[k];
     if (width > cells - 1) parts *= (width + 1) / cells;
-    fits = fits && width + 2 * slack < cells - 1;
+    m->fits = m->fits && width + 2 * slack < cells - 1;
     if (args->grid.last[k] < cells) parts = 1e9f;
     m->lo[k] = lo - slack; /* for rounding */
     m->rise[k] = (lo_end - lo) / steps;
     m->width[k] = width + 2 * slack;
   }
   m->n_inner = 0;
-  if (fits && !phased(v)) find_inner(args, p, m);
+  if (!phased(v)) find_inner(args, p, m);
   return parts;
 }
 
@@ -136,8 +137,16 @@ V_INLINE ptrdiff_t near_first(const tc_cpu_args *args, int type, const march *m,
   return first;
 }
 
-/* Where the lanes' cells lie in the neighbourhood that begins at cell `least`, at a step of m->inner. */
-V_INLINE vi inner_places(const tc_cpu_args *args, int type, const packet *p, vf t, const int least[3], vf f[3]) {
+/* Consecutive steps of m->inner from step i on, up to `end`; 0 or less: none. */
+V_INLINE int inner_steps(const march *m, int i, int end) {
+  const int last = m->inner + m->n_inner;
+  return i < m->inner ? 0 : (last < end ? last : end) - i;
+}
+
+/* The lanes' cells in the neighbourhood that begins at cell `least`, at a step of m->inner, and the positions in them. Returns
+ * whether the cells of all lanes in `needs` fit. */
+V_INLINE bool inner_places(const tc_cpu_args *args, int type, const packet *p, const march *m, vf t, vm needs,
+                           const int least[3], vi *at, vf f[3]) {
   const float row = (float)near_width(type), slice = 4 * row;
   vf whole[3];
 #pragma GCC unroll 3
@@ -146,26 +155,39 @@ V_INLINE vi inner_places(const tc_cpu_args *args, int type, const packet *p, vf 
     whole[k] = v_whole(q);
     f[k] = q - whole[k];
   }
-  const vf first = v_set((float)least[0] + row * (float)least[1] + slice * (float)least[2]);
-  return v_trunc(v_fma(whole[2], v_set(slice), v_fma(whole[1], v_set(row), whole[0] - first)));
+  const vf origin = v_set((float)least[0] + row * (float)least[1] + slice * (float)least[2]);
+  *at = v_trunc(v_fma(whole[2], v_set(slice), v_fma(whole[1], v_set(row), whole[0] - origin)));
+  if (m->fits) return true;
+  const vf y = whole[1] - v_set((float)least[1]), z = whole[2] - v_set((float)least[2]);
+  const vm fit = m_and(v_le(v_max(y, z), v_set(2)), v_le(whole[0], v_set((float)least[0] + row - 2)));
+  return !m_any(m_andnot(needs, fit));
 }
 
 /* The corners of the lanes' cells at step i, and the positions in them. needs: lanes whose sample will be used; the others
- * need not fit. */
-V_INLINE corners march_near(const tc_cpu_args *args, int type, const packet *p, const march *m, int i, vf t, vm needs, vf f[3]) {
+ * need not fit. inner: the step is known to be one of m->inner. */
+V_INLINE corners march_near(const tc_cpu_args *args, int type, const packet *p, const march *m, int i, vf t, vm needs,
+                            bool inner, vf f[3]) {
   int least[3];
   vi at;
+  bool fit;
   const ptrdiff_t first = near_first(args, type, m, i, least);
   prefetch_rows(args, type, first + m->ahead);
-  if (__builtin_expect((unsigned)(i - m->inner) < (unsigned)m->n_inner, 1)) {
-    at = inner_places(args, type, p, t, least, f);
+  if (inner || __builtin_expect(inner_steps(m, i, i + 1) > 0, 1)) {
+    fit = inner_places(args, type, p, m, t, needs, least, &at, f);
   } else {
     const spot s = spot_at(args, p, t);
     for (int k = 0; k < 3; k++) f[k] = s.f[k];
-    const vm fits = near_places(type, least, s.cell, &at);
-    if (__builtin_expect(m_any(m_andnot(needs, fits)), 0)) return gather_apart(args, type, cell_offset(args, s.cell));
+    fit = !m_any(m_andnot(needs, near_places(type, least, s.cell, &at)));
   }
+  if (__builtin_expect(!fit, 0)) return gather_apart(args, type, cell_offset(args, spot_at(args, p, t).cell));
   return near_corners(args, type, first, at);
+}
+
+/* march_voxel() at a step of m->inner. */
+V_INLINE vf inner_voxel(const tc_cpu_args *args, variant v, const packet *p, const march *m, int i, vf t, vm needs) {
+  vf f[3];
+  const corners c = march_near(args, v.type, p, m, i, t, needs, true, f);
+  return interpolate(v.type, &c, f, NULL);
 }
 #endif
 
@@ -177,7 +199,7 @@ V_INLINE vf march_voxel(const tc_cpu_args *args, variant v, const packet *p, con
 #ifdef V_NEAR
   if (m->near) {
     vf f[3];
-    c = march_near(args, v.type, p, m, i, t, needs, f);
+    c = march_near(args, v.type, p, m, i, t, needs, false, f);
     return interpolate(v.type, &c, f, gradient);
   }
 #endif

@@ -116,6 +116,11 @@ V_INLINE bool keep_marching(const tc_cpu_args *args, vm live, tc_cpu_counts *cou
   return m_any(live);
 }
 
+/* The same before a run of `steps`. */
+V_INLINE bool keep_polling(const tc_cpu_args *args, int steps, tc_cpu_counts *counts) {
+  return (counts->until_poll -= steps) > 0 || !poll_halt(args, counts);
+}
+
 /* Writes the packet's pixels before x1 and y1; `out` is its first pixel. */
 V_INLINE void store_packet(vf4 c, const place *at, float *out, ptrdiff_t stride) {
   if (at->x + V_PACKET_X <= at->x1 && at->y + V_PACKET_Y <= at->y1) {

@@ -75,6 +75,29 @@ V_INLINE void raise_peak(const tc_cpu_args *args, variant v, const packet *p, vf
   have->best = v_max(have->best, w);
 }
 
+#ifdef V_NEAR
+/* The samples at steps `first` to end - 1 of m->inner, where every ray of the packet has a sample, so that no lane needs a mask.
+ * Returns the first step not sampled, sooner if all chosen lanes have reached grey.stop. */
+V_INLINE int sample_inner(const tc_cpu_args *args, variant v, const packet *p, const march *m, int first, int end,
+                          vm *chosen, peak *have, tc_cpu_counts *counts) {
+  const vf step = v_set(args->rays.step_mm), stop = v_set(args->grey.stop), sign = v_set(args->grey.sign);
+  vf number = v_set((float)first) - p->delay, best = v_set(-FLT_MAX), at = v_set(0);
+  vm left = *chosen;
+  int i = first;
+  for (; i < end && m_any(left); i++) {
+    const vf t = number * step, w = inner_voxel(args, v, p, m, i, t, left) * sign;
+    counts->samples += (uint64_t)m_count(left);
+    at = v_select(v_lt(best, w), t, at);
+    best = v_max(best, w);
+    left = m_and(left, v_lt(best, stop));
+    number = number + v_set(1);
+  }
+  raise_peak(args, v, p, best, at, *chosen, have);
+  *chosen = left;
+  return i;
+}
+#endif
+
 /* The present maxima, in levels. */
 V_INLINE vf risen(const tc_cpu_args *args, const peak *have) {
   return (have->best - v_set(args->grey.floor)) * v_set(args->level_scale);
@@ -116,6 +139,14 @@ V_INLINE void sample_interval(const tc_cpu_args *args, variant v, const packet *
                               int interval, vm chosen, peak *have, tc_cpu_counts *counts) {
   const vf step = v_set(args->rays.step_mm), stop = v_set(args->grey.stop);
   for (int i = first; i < first + interval; i++) {
+#ifdef V_NEAR
+    const int run = v.labels ? 0 : inner_steps(m, i, first + interval);
+    if (run > 0) {
+      if (!m_any(chosen) || !keep_polling(args, run, counts)) break;
+      i = sample_inner(args, v, p, m, i, i + run, &chosen, have, counts) - 1;
+      continue;
+    }
+#endif
     vf t = (v_set((float)i) - p->delay) * step, before = (v_set((float)(i - 1)) - p->delay) * step;
     chosen = m_and(chosen, m_and(v_lt(before, p->length), v_lt(have->best, stop)));
     if (!keep_marching(args, chosen, counts, i - first)) break;
@@ -199,6 +230,14 @@ V_INLINE void cast_extreme(const tc_cpu_args *args, variant v, const place *at_p
   if (!look && m_any(live)) {
     const march m = start_march(args, v, &p, true);
     for (int i = 0; keep_marching(args, live, counts, i); i++) {
+#ifdef V_NEAR
+      const int run = v.labels ? 0 : inner_steps(&m, i, i + TC_CPU_POLL_STEPS);
+      if (run > 0) {
+        if (!keep_polling(args, run, counts)) break;
+        i = sample_inner(args, v, &p, &m, i, i + run, &live, &have, counts) - 1;
+        continue;
+      }
+#endif
       vf t = (v_set((float)i) - p.delay) * v_set(args->rays.step_mm), at = v_min(t, p.length);
       const vm active = m_and(live, v_le(v_set(0), t));
       vf w = march_voxel(args, v, &p, &m, i, at, active, NULL) * v_set(args->grey.sign);

@@ -178,15 +178,31 @@ V_INLINE v_near_f32 v_near_load_f32(const void *p, ptrdiff_t row, ptrdiff_t slic
 }
 
 V_INLINE vf v_whole(vf a) { return _mm512_roundscale_ps(a, _MM_FROUND_TO_ZERO | _MM_FROUND_NO_EXC); }
-V_INLINE vi v_near_both(vi at) { return _mm512_add_epi32(_mm512_or_si512(at, v_shl(at, 16)), v_seti(0x10000)); }
+/* A constant, loaded: compilers broadcast constants from general registers, which takes the ports of permutations. */
+V_INLINE vi v_loaded(const int32_t *constant) {
+  vi all;
+  __asm__("vpbroadcastd %1, %0" : "=v"(all) : "m"(*constant));
+  return all;
+}
+/* `words` in both halves, for the rows and slices of a cell: 0, 4, 16 or 20. */
+V_INLINE vi v_near_more(int words) {
+  static const int32_t more[] = {0, 4 * 0x10001, 0, 0, 16 * 0x10001, 20 * 0x10001};
+  return v_loaded(&more[words / 4]);
+}
+V_INLINE vi v_near_both(vi at) {
+  static const int32_t next = 0x10000;
+  return v_addi(_mm512_or_si512(at, v_shl(at, 16)), v_loaded(&next));
+}
 V_INLINE void v_near_pair_u16(const v_near_words *n, vi at, int more, vf *a, vf *b) {
-  vi both = v_addi(v_near_both(at), v_seti(more * 0x10001));
+  vi both = more ? v_addi(v_near_both(at), v_near_more(more)) : v_near_both(at);
   v_biased_words(_mm512_permutex2var_epi16(n->low, both, n->high), a, b);
 }
 #define v_near_pair_i16 v_near_pair_u16
 /* The permutation fetches the two words that hold the bytes, which are one word where `at` is even. */
 V_INLINE void v_near_pair_u8(const v_near_words *n, vi at, int more, vf *a, vf *b) {
-  vi both = v_addi(_mm512_srli_epi16(v_near_both(at), 1), v_seti(more / 2 * 0x10001)), odd = v_andi(at, v_seti(1));
+  static const int32_t one = 1;
+  vi both = _mm512_srli_epi16(v_near_both(at), 1), odd = v_andi(at, v_loaded(&one));
+  if (more) both = v_addi(both, v_near_more(more / 2));
   vi words = _mm512_permutex2var_epi16(n->low, both, n->high);
   *a = v_biased(words, 0x1111111111111111, v_addi(_mm512_set4_epi32(12, 8, 4, 0), odd));
   *b = v_biased(words, 0x1111111111111111, v_subi(_mm512_set4_epi32(15, 11, 7, 3), odd));
