@@ -118,7 +118,7 @@ V_INLINE bool keep_marching(const tc_cpu_args *args, vm live, tc_cpu_counts *cou
 
 /* The same before a run of `steps`. */
 V_INLINE bool keep_polling(const tc_cpu_args *args, int steps, tc_cpu_counts *counts) {
-  return (counts->until_poll -= steps) > 0 || !poll_halt(args, counts);
+  return __builtin_expect((counts->until_poll -= steps) > 0, 1) || !poll_halt(args, counts);
 }
 
 /* Writes the packet's pixels before x1 and y1; `out` is its first pixel. */

@@ -141,7 +141,7 @@ V_INLINE void sample_interval(const tc_cpu_args *args, variant v, const packet *
   for (int i = first; i < first + interval; i++) {
 #ifdef V_NEAR
     const int run = v.labels ? 0 : inner_steps(m, i, first + interval);
-    if (run > 0) {
+    if (__builtin_expect(run > 0, 1)) {
       if (!m_any(chosen) || !keep_polling(args, run, counts)) break;
       i = sample_inner(args, v, p, m, i, i + run, &chosen, have, counts) - 1;
       continue;
@@ -232,7 +232,7 @@ V_INLINE void cast_extreme(const tc_cpu_args *args, variant v, const place *at_p
     for (int i = 0; keep_marching(args, live, counts, i); i++) {
 #ifdef V_NEAR
       const int run = v.labels ? 0 : inner_steps(&m, i, i + TC_CPU_POLL_STEPS);
-      if (run > 0) {
+      if (__builtin_expect(run > 0, 1)) {
         if (!keep_polling(args, run, counts)) break;
         i = sample_inner(args, v, &p, &m, i, i + run, &live, &have, counts) - 1;
         continue;
