@@ -47,8 +47,8 @@ V_INLINE void find_inner(const tc_cpu_args *args, const packet *p, march *m) {
 
 /* Bounds the lanes' positions (m->lo, m->rise, m->width). Each lane's position is linear in the step, so the minimum
  * over the lanes is concave and lies above the chord from the packet's first step to its last; the maximum lies below
- * its chord. Returns the expected number of neighbourhoods per step. */
-V_INLINE float bound_lanes(const tc_cpu_args *args, variant v, const packet *p, march *m) {
+ * its chord. Neighbourhoods serve the march (m->near) if few of its steps are expected not to fit one. */
+V_INLINE void bound_lanes(const tc_cpu_args *args, variant v, const packet *p, march *m) {
   vf far = v_set(1e9f);
   float steps = 1 + v_most(v_fma(p->length, v_set(args->rays.inverse_step), p->delay)), parts = 1;
   m->fits = true;
@@ -68,9 +68,9 @@ V_INLINE float bound_lanes(const tc_cpu_args *args, variant v, const packet *p, 
     m->rise[k] = (lo_end - lo) / steps;
     m->width[k] = width + 2 * slack;
   }
+  m->near = args->near && v.filter == TC_FILTER_LINEAR && parts <= MOST_NEIGHBOURHOODS;
   m->n_inner = 0;
-  if (!phased(v)) find_inner(args, p, m);
-  return parts;
+  if (m->near && !phased(v)) find_inner(args, p, m);
 }
 
 /* Offset in voxels between a ray's position and its position `steps` later. */
@@ -92,7 +92,7 @@ V_INLINE march start_march(const tc_cpu_args *args, variant v, packet *p, bool m
 #ifdef V_NEAR
   if (!args->near) return m;
   if (may_level) level_lanes(args, p);
-  m.near = bound_lanes(args, v, p, &m) <= MOST_NEIGHBOURHOODS;
+  bound_lanes(args, v, p, &m);
   if (!m.near) p->delay = v_set(0), p->most_delay = 0;
 #endif
   return m;

@@ -187,8 +187,7 @@ V_INLINE void climb_all(const tc_cpu_args *args, variant v, packet *p, vm live, 
   float levels[MOST_INTERVALS];
   march m = {.ahead = steps_ahead(args, p, PREFETCH_STEPS / 2)};
   level_lanes(args, p);
-  const float parts = bound_lanes(args, v, p, &m);
-  m.near = args->near && v.filter == TC_FILTER_LINEAR && parts <= MOST_NEIGHBOURHOODS;
+  bound_lanes(args, v, p, &m);
   const int of_packet = packet_interval(args, &m);
   const bool narrow = of_packet >= LEAST_SAMPLES;
   const int interval = narrow ? of_packet : args->interval - 1;
