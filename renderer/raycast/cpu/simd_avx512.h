@@ -121,19 +121,21 @@ V_INLINE void v_prefetch(const void *base, vi off, int size) {
     __builtin_prefetch((const void *)((uintptr_t)base + (uintptr_t)((ptrdiff_t)at[l] * size)));
 }
 
-/* Neighbourhoods: rows of 8 bytes in two registers, floats in four registers of 16. One permutation per corner finds
- * the pairs of all lanes. */
+/* Neighbourhoods: rows of 8 bytes in two registers, rows of 8 words or of 4 floats in four, one per slice. One permutation, or
+ * two, per corner finds the pairs of all lanes. */
 #define V_NEAR
 #define V_NEAR_U8 8
 #define V_NEAR_I8 8
-#define V_NEAR_U16 4
-#define V_NEAR_I16 4
+#define V_NEAR_U16 8
+#define V_NEAR_I16 8
 #define V_NEAR_F32 4
 #undef SIMD_NEAR
 #define SIMD_NEAR SIMD_VOXELS(SIMD_HAS_NEAR)
 typedef struct v_near_words { vi low, high; } v_near_words; /* slices 0 and 1, 2 and 3 */
 typedef struct v_near_floats { vf z[4]; } v_near_floats;
-typedef v_near_words v_near_u8, v_near_i8, v_near_u16, v_near_i16;
+typedef struct v_near_slices { vi z[4]; } v_near_slices;
+typedef v_near_words v_near_u8, v_near_i8;
+typedef v_near_slices v_near_u16, v_near_i16;
 typedef v_near_floats v_near_f32;
 
 V_INLINE __m128i v_two_rows(const char *p, ptrdiff_t row) {
@@ -164,11 +166,25 @@ V_INLINE v_near_u8 v_near_load_u8(const void *p, ptrdiff_t row, ptrdiff_t slice)
 V_INLINE v_near_i8 v_near_load_i8(const void *p, ptrdiff_t row, ptrdiff_t slice) {
   return v_near_of((const char *)p, row, slice, v_seti((int)0x80808080));
 }
+V_INLINE __m256i v_two_eights(const char *p, ptrdiff_t row) {
+  const __m128i *at = (const __m128i *)(const void *)p, *next = (const __m128i *)(const void *)(p + row);
+  return _mm256_inserti128_si256(_mm256_castsi128_si256(_mm_loadu_si128(at)), _mm_loadu_si128(next), 1);
+}
+/* Four rows of eight words; row: bytes. */
+V_INLINE vi v_words_slice(const char *p, ptrdiff_t row) {
+  return _mm512_inserti64x4(_mm512_castsi256_si512(v_two_eights(p, row)), v_two_eights(p + 2 * row, row), 1);
+}
 V_INLINE v_near_u16 v_near_load_u16(const void *p, ptrdiff_t row, ptrdiff_t slice) {
-  return v_near_of((const char *)p, 2 * row, 2 * slice, v_seti(0));
+  v_near_u16 n;
+#pragma GCC unroll 4
+  for (int z = 0; z < 4; z++) n.z[z] = v_words_slice((const char *)p + 2 * z * slice, 2 * row);
+  return n;
 }
 V_INLINE v_near_i16 v_near_load_i16(const void *p, ptrdiff_t row, ptrdiff_t slice) {
-  return v_near_of((const char *)p, 2 * row, 2 * slice, v_seti((int)0x80008000));
+  v_near_i16 n = v_near_load_u16(p, row, slice);
+#pragma GCC unroll 4
+  for (int z = 0; z < 4; z++) n.z[z] = _mm512_xor_si512(n.z[z], v_seti((int)0x80008000));
+  return n;
 }
 V_INLINE v_near_f32 v_near_load_f32(const void *p, ptrdiff_t row, ptrdiff_t slice) {
   v_near_f32 n;
@@ -184,18 +200,22 @@ V_INLINE vi v_loaded(const int32_t *constant) {
   __asm__("vpbroadcastd %1, %0" : "=v"(all) : "m"(*constant));
   return all;
 }
-/* `words` in both halves, for the rows and slices of a cell: 0, 4, 16 or 20. */
+/* `words` in both halves, for the rows and slices of a cell: 4, 8, 16 or 20. */
 V_INLINE vi v_near_more(int words) {
-  static const int32_t more[] = {0, 4 * 0x10001, 0, 0, 16 * 0x10001, 20 * 0x10001};
+  static const int32_t more[] = {0, 4 * 0x10001, 8 * 0x10001, 0, 16 * 0x10001, 20 * 0x10001};
   return v_loaded(&more[words / 4]);
 }
 V_INLINE vi v_near_both(vi at) {
   static const int32_t next = 0x10000;
   return v_addi(_mm512_or_si512(at, v_shl(at, 16)), v_loaded(&next));
 }
-V_INLINE void v_near_pair_u16(const v_near_words *n, vi at, int more, vf *a, vf *b) {
-  vi both = more ? v_addi(v_near_both(at), v_near_more(more)) : v_near_both(at);
-  v_biased_words(_mm512_permutex2var_epi16(n->low, both, n->high), a, b);
+/* A permutation reaches two slices. The third is that of the lanes in the neighbourhood's third slice. */
+V_INLINE void v_near_pair_u16(const v_near_slices *n, vi at, int more, vf *a, vf *b) {
+  const int z = more / 32;
+  vi both = more % 32 ? v_addi(v_near_both(at), v_near_more(more % 32)) : v_near_both(at);
+  vi words = _mm512_permutex2var_epi16(n->z[z], both, n->z[z + 1]);
+  const __mmask32 third = _mm512_test_epi16_mask(both, v_seti(0x00400040));
+  v_biased_words(_mm512_mask_permutexvar_epi16(words, third, both, n->z[z + 2]), a, b);
 }
 #define v_near_pair_i16 v_near_pair_u16
 /* The permutation fetches the two words that hold the bytes, which are one word where `at` is even. */
@@ -229,13 +249,10 @@ V_INLINE __m128i v_eight(const char *p, int bytes, bool negative) {
   if (bytes == 2) return _mm_loadu_si128(at);
   return negative ? _mm_cvtepi8_epi16(_mm_loadl_epi64(at)) : _mm_cvtepu8_epi16(_mm_loadl_epi64(at));
 }
-V_INLINE __m256i v_two_eights(const char *p, ptrdiff_t row) {
-  return _mm256_inserti128_si256(_mm256_castsi128_si256(v_eight(p, 2, false)), v_eight(p + row, 2, false), 1);
-}
 V_INLINE vi v_four_eights(const char *p, int bytes, bool negative, ptrdiff_t row) {
   if (bytes == 1)
     return negative ? _mm512_cvtepi8_epi16(v_four_rows(p, row)) : _mm512_cvtepu8_epi16(v_four_rows(p, row));
-  return _mm512_inserti64x4(_mm512_castsi256_si512(v_two_eights(p, row)), v_two_eights(p + 2 * row, row), 1);
+  return v_words_slice(p, row);
 }
 /* row, slice: bytes */
 V_INLINE v_slope_words v_slope_words_load(const char *p, int bytes, bool negative, ptrdiff_t row, ptrdiff_t slice) {
