@@ -20,6 +20,10 @@ static tc_volume *draw_volume(uint64_t *state) {
     g.dims[k] = 3 + (int)(40 * test_random(state)); /* 3: too thin for a neighbourhood */
     g.spacing[k] = test_random(state) < 0.5 ? 1 : 0.4 + 2 * test_random(state);
   }
+  if (test_random(state) < 0.2) { /* long, where positions are rounded most */
+    const int axis = (int)(3 * test_random(state));
+    for (int k = 0; k < 3; k++) g.dims[k] = k == axis ? 500 + (int)(9000 * test_random(state)) : 4 + g.dims[k] / 4;
+  }
   return test_volume(&g, rough_waves, &seed);
 }
 

@@ -238,14 +238,14 @@ static void neighbourhoods_hold_their_voxels(void **unused) {
 #define NEAR(name, NAME, type)                                                                                        \
   for (int round = 0; round < ROUNDS / 8; round++) {                                                                  \
     const int w = V_NEAR_##NAME, row = w + (int)(draw() % 9), slice = 3 * row + w + (int)(draw() % 30);               \
-    const int count = 3 * slice + 3 * row + w, elements = 16 * w;                                                     \
+    const int count = 3 * slice + 3 * row + w, more = w * (round % 2 + 4 * (round / 2 % 2));                         \
     type *memory = malloc((size_t)count * sizeof *memory);                                                            \
     for (int k = 0; k < count; k++) memory[k] = (type)(int)draw();                                                    \
     const v_near_##name n = v_near_load_##name(memory, row, slice);                                                   \
     lanes at;                                                                                                         \
     vf a, b;                                                                                                          \
-    const int more = round % 3 ? 0 : 5 * w, pairs = elements - 1 - more;                                              \
-    for (int k = 0; k < V_LANES; k++) at.i[k] = round % 2 ? (int)(draw() % (unsigned)pairs) : pairs - 1 - k;          \
+    for (int k = 0; k < V_LANES; k++)                                                                                 \
+      at.i[k] = (int)(draw() % (unsigned)(w - 1)) + w * (int)(draw() % 3) + 4 * w * (int)(draw() % 3);                \
     v_near_pair_##name(&n, to_vi(&at), more, &a, &b);                                                                 \
     lanes first = of_vf(a - v_set(V_BIAS_##NAME)), second = of_vf(b - v_set(V_BIAS_##NAME));                          \
     for (int k = 0; k < V_LANES; k++) {                                                                               \

@@ -36,8 +36,9 @@
  * - Only if V_NEAR is defined, for an instruction set whose permutations are cheaper than gathers: v_near_T, a
  *   neighbourhood of V_NEAR_T (4 or 8) x 4 x 4 voxels; v_near_load_T: loads the neighbourhood whose lowest voxel is at
  *   p, with strides `row` and `slice` in voxels along y and z, reading these voxels alone; v_near_pair_T: elements at +
- *   more and at + more + 1 (element x + V_NEAR_T (y + 4 z); from 0 to the last but one, unspecified in a lane outside;
- *   more is even), with V_BIAS_T added to each. v_slopes_T: the central differences (the next voxel less the one
+ *   more and at + more + 1, with V_BIAS_T added to each. Element x + V_NEAR_T (y + 4 z) is voxel (x, y, z); `at` is a cell's
+ *   lowest corner, `more` 0, V_NEAR_T, 4 V_NEAR_T or 5 V_NEAR_T; unspecified in a lane whose cell lies outside. v_whole:
+ *   rounded towards zero, as a float. v_slopes_T: the central differences (the next voxel less the one
  *   before) along each axis of 6x4x4 voxels (f32: 4x4x4); those of integers must fit 16 bits. v_slopes_load_T: the same
  *   whose lowest voxel is at p, reading from p - slice - 1 on. v_slope_pair_T: along axis k, that of the voxel (0, y, z)
  *   beyond element `at`, and how much larger that of its neighbour along x is (element x + 8 y + 32 z, x <= 4; f32:
@@ -134,7 +135,7 @@
   SIMD_HAS(void, v_near_pair_##name, const v_near_##name *, vi, int, vf *, vf *);                                    \
   SIMD_HAS(v_slopes_##name, v_slopes_load_##name, const void *, ptrdiff_t, ptrdiff_t);                                \
   SIMD_HAS(void, v_slope_pair_##name, const v_slopes_##name *, int, vi, int, int, vf *, vf *);
-#define SIMD_NEAR /* SIMD_VOXELS(SIMD_HAS_NEAR) where V_NEAR is */
+#define SIMD_NEAR /* SIMD_VOXELS(SIMD_HAS_NEAR) SIMD_HAS(vf, v_whole, vf); where V_NEAR is */
 
 #define SIMD_PROVIDED                                                                                                 \
   SIMD_UNARY(SIMD_HAS_UNARY)                                                                                          \

@@ -130,7 +130,7 @@ V_INLINE void v_prefetch(const void *base, vi off, int size) {
 #define V_NEAR_I16 8
 #define V_NEAR_F32 4
 #undef SIMD_NEAR
-#define SIMD_NEAR SIMD_VOXELS(SIMD_HAS_NEAR)
+#define SIMD_NEAR SIMD_VOXELS(SIMD_HAS_NEAR) SIMD_HAS(vf, v_whole, vf);
 typedef struct v_near_words { vi low, high; } v_near_words; /* slices 0 and 1, 2 and 3 */
 typedef struct v_near_floats { vf z[4]; } v_near_floats;
 typedef struct v_near_slices { vi z[4]; } v_near_slices;
