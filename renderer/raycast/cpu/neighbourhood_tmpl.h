@@ -1,5 +1,5 @@
 /* The samples of a march, with prefetching. If a packet's samples lie close together, the corners of all their cells
- * are taken from one neighbourhood of 4x4x4 voxels (8x4x4 bytes) in registers instead of by gathers, for instruction
+ * are taken from one neighbourhood of 4x4x4 floats, or 8x4x4 integers, in registers instead of by gathers, for instruction
  * sets that have neighbourhoods (V_NEAR, simd.h). Both ways give the same bits.
  *
  * The rays of a packet enter a slanted face at different depths, which would spread the samples of one step along the
