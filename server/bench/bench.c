@@ -48,8 +48,24 @@ static const variant variants[] = {{"scalar", TC_BACKEND_CPU, "scalar", true},
                                    {"avx512", TC_BACKEND_CPU, "avx512", true},
                                    {"avx512, no leaping", TC_BACKEND_CPU, "avx512", false},
                                    {"scalar, no leaping", TC_BACKEND_CPU, "scalar", false},
+                                   {"avx512-gather", TC_BACKEND_CPU, "avx512-gather", true},
+                                   {"avx512-gather, no leaping", TC_BACKEND_CPU, "avx512-gather", false},
+                                   {"avx2, no leaping", TC_BACKEND_CPU, "avx2", false},
                                    {"gl", TC_BACKEND_GL, NULL, true}};
 enum { N_VARIANTS = G_N_ELEMENTS(variants) };
+
+enum { N_USUAL = 5 }; /* the first variants; those behind them are measured if --isa names them, gl with --gl */
+
+static bool is_wanted(const arguments *a, int i) {
+  if (variants[i].backend == TC_BACKEND_GL) return a->gl;
+  return a->isa ? !strcmp(variants[i].isa, a->isa) : i < N_USUAL;
+}
+
+static bool is_isa(const char *name) {
+  for (int i = 0; i < N_VARIANTS; i++)
+    if (!g_strcmp0(variants[i].isa, name)) return true;
+  return false;
+}
 
 typedef struct row {
   tc_renderer *renderer; /* NULL: not available on this machine */
@@ -175,10 +191,11 @@ static bool measure(bench *b, GError **error) {
                                    .isa = variants[i].isa,
                                    .threads = b->args.threads,
                                    .cache_bytes = (uint64_t)b->args.cache << 20};
-    if (variants[i].backend == TC_BACKEND_GL && !b->args.gl) continue;
-    if (b->args.isa && g_strcmp0(variants[i].isa, b->args.isa)) continue;
-    r->renderer = tc_renderer_new(&options, NULL); /* not available on this machine: no row */
-    if (!r->renderer) continue;
+    if (!is_wanted(&b->args, i)) continue;
+    const bool named = b->args.isa && variants[i].isa;
+    r->renderer = tc_renderer_new(&options, named ? error : NULL);
+    if (!r->renderer && named) return false;
+    if (!r->renderer) continue; /* not available on this machine: no row */
     if (!measure_changes(b, r, &variants[i], error) || !render(b, r, &variants[i], true, error)) return false;
     if (b->args.pixels) compare(b, r);
   }
@@ -204,13 +221,13 @@ static void print_rows(bench *b) {
   const tc_volume_desc *d = tc_volume_describe(b->volume);
   printf("%s  %dx%dx%d %s, %dx%d pixels, step %g, loaded in %.0f ms\n", b->name, d->dims[0], d->dims[1], d->dims[2],
          tc_voxel_type_name(d->type), b->args.size, b->args.size, b->scene.sampling.step, b->load_ms);
-  printf("  %-20s %9s %9s %9s %9s %9s %10s %9s %9s %9s\n", "variant", "table ms", "skip ms", "render ms", "(least)",
+  printf("  %-25s %9s %9s %9s %9s %9s %10s %9s %9s %9s\n", "variant", "table ms", "skip ms", "render ms", "(least)",
          "encode ms", "Msamples", "cycles", "rms/255", "max/255");
   for (int i = 0; i < N_VARIANTS; i++) {
     row *r = &b->rows[i];
     if (!r->renderer) continue;
     double middle = tcs_median(r->ms, (size_t)b->args.runs);
-    printf("  %-20s %9.2f %9.2f %9.2f %9.2f %9.2f %10.2f %9.1f", variants[i].name, r->tables_ms, r->skip_ms, middle,
+    printf("  %-25s %9.2f %9.2f %9.2f %9.2f %9.2f %10.2f %9.1f", variants[i].name, r->tables_ms, r->skip_ms, middle,
            r->ms[0], r->encode_ms, (double)r->frame.stats.samples * 1e-6, cycles_per_sample(b, r));
     if (b->args.pixels)
       printf(" %9.3f %9.3f\n", 255 * r->rms, 255 * r->max);
@@ -341,7 +358,7 @@ static bool parse(bench *b, int argc, char **argv, GError **error) {
       {"size", 0, 0, G_OPTION_ARG_INT, &a->size, "width and height of the picture (512)", "PIXELS"},
       {"runs", 0, 0, G_OPTION_ARG_INT, &a->runs, "timed frames per variant (9)", "N"},
       {"threads", 0, 0, G_OPTION_ARG_INT, &a->threads, "CPU workers (one per core)", "N"},
-      {"isa", 0, 0, G_OPTION_ARG_STRING, &a->isa, "only scalar, avx2 or avx512; of --objects also avx512-gather", "NAME"},
+      {"isa", 0, 0, G_OPTION_ARG_STRING, &a->isa, "scalar, avx2, avx512 or avx512-gather alone", "NAME"},
       {"error", 0, 0, G_OPTION_ARG_INT, &a->pixels, "pixels compared with the reference (1000; 0 = none)", "N"},
       {"azimuth", 0, 0, G_OPTION_ARG_DOUBLE, &a->azimuth, "camera, degrees about the body axis (30)", "DEG"},
       {"elevation", 0, 0, G_OPTION_ARG_DOUBLE, &a->elevation, "camera, degrees upwards (20)", "DEG"},
@@ -368,6 +385,10 @@ static bool parse(bench *b, int argc, char **argv, GError **error) {
     return false;
   }
   if (a->json && strcmp(a->json, "-") && !check_folder(a->json, error)) return false;
+  if (a->isa && !is_isa(a->isa)) {
+    tc_set_error(error, TC_ERROR_INVALID, NULL, "--isa %s: scalar, avx2, avx512 or avx512-gather expected", a->isa);
+    return false;
+  }
   if (a->paper && strcmp(a->paper, "003") && strcmp(a->paper, "004") && !tcs_paper_known(a->paper)) {
     tc_set_error(error, TC_ERROR_INVALID, NULL, "--paper %s: 000 or 001 expected, or 003 or 004", a->paper);
     return false;

@@ -383,6 +383,14 @@ TEST(bench_names_the_costs) {
   accept(o);
 }
 
+TEST(bench_measures_one_instruction_set) {
+  outcome o = RUN("bench", "--size", "32", "--runs", "2", "--error", "0", "--isa", "scalar", "demo:bucky");
+  assert_non_null(strstr(o.out, "  scalar, no leaping "));
+  assert_null(strstr(o.out, "  avx"));
+  accept(o);
+  refuse(RUN("bench", "--isa", "scaler", "demo:bucky"), 2, "--isa scaler: scalar, avx2");
+}
+
 /* Both papers' tables on a demo, as text and as JSON: cells of every column, numbers or a reason. */
 TEST(tables_of_the_papers) {
   static const struct {
