@@ -13,8 +13,8 @@ typedef struct march {
   ptrdiff_t ahead; /* offset in voxels to the position of the rays PREFETCH_STEPS later */
   bool near;       /* most steps fit a neighbourhood */
   float lo[3], rise[3], width[3]; /* at step i, the lanes lie from lo + i rise to width beyond, along each axis */
-  int inner, n_inner; /* steps, and their number, that lie within the volume: no position is clamped */
-  bool fits;          /* at all of them */
+  int inner, n_inner; /* first inner step, and their number: there no position needs clamping to the volume */
+  bool fits;          /* at all inner steps, all cells fit a neighbourhood */
 } march;
 
 V_INLINE float v_most(vf a) { return 0 - v_least(v_set(0) - a); }
@@ -29,13 +29,14 @@ V_INLINE void level_lanes(const tc_cpu_args *args, packet *p) {
   p->most_delay = v_most(delay);
 }
 
-/* Sets m->inner and m->n_inner: there all rays have begun, none ends, and the bounds lie within the volume. */
+/* Sets m->inner and m->n_inner. At inner steps all rays have begun, none has ended, and the bounds of the lanes lie within the
+ * volume. At most 10^6 of them: step numbers stay exact as floats. */
 V_INLINE void find_inner(const tc_cpu_args *args, const packet *p, march *m) {
   const vf ends = v_fma(p->length, v_set(args->rays.inverse_step), p->delay);
-  float from = p->most_delay, to = v_least(v_select(p->live, ends, v_set(1e6f)));
+  float from = p->most_delay, to = v_least(v_min(v_select(p->live, ends, v_set(1e6f)), v_set(1e6f)));
 #pragma GCC unroll 3
   for (int k = 0; k < 3; k++) {
-    const float rise = m->rise[k], inverse = rise ? 1 / rise : 1e12f; /* a ray that does not move: soon, or never */
+    const float rise = m->rise[k], inverse = rise ? 1 / rise : 1e12f; /* across the axis: inside at every step, or at none */
     const float at_lo = (0 - m->lo[k]) * inverse, at_hi = (args->grid.last[k] - m->lo[k] - m->width[k]) * inverse;
     const float enters = rise < 0 ? at_hi : at_lo, leaves = rise < 0 ? at_lo : at_hi;
     from = from < enters ? enters : from;
@@ -60,11 +61,11 @@ V_INLINE void bound_lanes(const tc_cpu_args *args, variant v, const packet *p, m
     float width = v_most(v_select(p->live, begin, v_set(0) - far)) - lo;
     float width_end = v_most(v_select(p->live, end, v_set(0) - far)) - lo_end;
     if (width < width_end) width = width_end;
-    const float cells = (float)(k ? 4 : near_width(v.type)) - 1, slack = 0.002f + 4e-6f * args->grid.last[k];
+    const float cells = (float)(k ? 4 : near_width(v.type)) - 1, slack = 0.002f + 4e-6f * args->grid.last[k]; /* rounding */
     if (width > cells - 1) parts *= (width + 1) / cells;
     m->fits = m->fits && width + 2 * slack < cells - 1;
     if (args->grid.last[k] < cells) parts = 1e9f;
-    m->lo[k] = lo - slack; /* for rounding */
+    m->lo[k] = lo - slack;
     m->rise[k] = (lo_end - lo) / steps;
     m->width[k] = width + 2 * slack;
   }
@@ -137,13 +138,13 @@ V_INLINE ptrdiff_t near_first(const tc_cpu_args *args, int type, const march *m,
   return first;
 }
 
-/* Consecutive steps of m->inner from step i on, up to `end`; 0 or less: none. */
+/* Number of inner steps from step i on, before `end`; 0 or less if step i is not one. */
 V_INLINE int inner_steps(const march *m, int i, int end) {
   const int last = m->inner + m->n_inner;
   return i < m->inner ? 0 : (last < end ? last : end) - i;
 }
 
-/* The lanes' cells in the neighbourhood that begins at cell `least`, at a step of m->inner, and the positions in them. Returns
+/* The lanes' cells in the neighbourhood that begins at cell `least`, at an inner step, and the positions in them. Returns
  * whether the cells of all lanes in `needs` fit. */
 V_INLINE bool inner_places(const tc_cpu_args *args, int type, const packet *p, const march *m, vf t, vm needs,
                            const int least[3], vi *at, vf f[3]) {
@@ -164,7 +165,7 @@ V_INLINE bool inner_places(const tc_cpu_args *args, int type, const packet *p, c
 }
 
 /* The corners of the lanes' cells at step i, and the positions in them. needs: lanes whose sample will be used; the others
- * need not fit. inner: the step is known to be one of m->inner. */
+ * need not fit. inner: step i is known to be an inner step. */
 V_INLINE corners march_near(const tc_cpu_args *args, int type, const packet *p, const march *m, int i, vf t, vm needs,
                             bool inner, vf f[3]) {
   int least[3];
@@ -183,7 +184,7 @@ V_INLINE corners march_near(const tc_cpu_args *args, int type, const packet *p, 
   return near_corners(args, type, first, at);
 }
 
-/* march_voxel() at a step of m->inner. */
+/* march_voxel() at an inner step, without a test of that. */
 V_INLINE vf inner_voxel(const tc_cpu_args *args, variant v, const packet *p, const march *m, int i, vf t, vm needs) {
   vf f[3];
   const corners c = march_near(args, v.type, p, m, i, t, needs, true, f);

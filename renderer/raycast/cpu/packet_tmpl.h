@@ -116,7 +116,7 @@ V_INLINE bool keep_marching(const tc_cpu_args *args, vm live, tc_cpu_counts *cou
   return m_any(live);
 }
 
-/* The same before a run of `steps`. */
+/* Called before a run of `steps` that calls no keep_marching(): false if the halt interrupts the unit. */
 V_INLINE bool keep_polling(const tc_cpu_args *args, int steps, tc_cpu_counts *counts) {
   return __builtin_expect((counts->until_poll -= steps) > 0, 1) || !poll_halt(args, counts);
 }

@@ -76,8 +76,8 @@ V_INLINE void raise_peak(const tc_cpu_args *args, variant v, const packet *p, vf
 }
 
 #ifdef V_NEAR
-/* The samples at steps `first` to end - 1 of m->inner, where every ray of the packet has a sample, so that no lane needs a mask.
- * Returns the first step not sampled, sooner if all chosen lanes have reached grey.stop. */
+/* Samples the inner steps from `first` to before `end`. Every ray of the packet has a sample there, so that no lane needs a mask.
+ * Ends early if all chosen lanes have reached grey.stop. Returns the first step not sampled. */
 V_INLINE int sample_inner(const tc_cpu_args *args, variant v, const packet *p, const march *m, int first, int end,
                           vm *chosen, peak *have, tc_cpu_counts *counts) {
   const vf step = v_set(args->rays.step_mm), stop = v_set(args->grey.stop), sign = v_set(args->grey.sign);

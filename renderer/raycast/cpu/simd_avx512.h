@@ -194,7 +194,8 @@ V_INLINE v_near_f32 v_near_load_f32(const void *p, ptrdiff_t row, ptrdiff_t slic
 }
 
 V_INLINE vf v_whole(vf a) { return _mm512_roundscale_ps(a, _MM_FROUND_TO_ZERO | _MM_FROUND_NO_EXC); }
-/* A constant, loaded: compilers broadcast constants from general registers, which takes the ports of permutations. */
+
+/* A constant from memory. GCC 12 broadcasts constants from general registers instead, on the ports that permutations need. */
 V_INLINE vi v_loaded(const int32_t *constant) {
   vi all;
   __asm__("vpbroadcastd %1, %0" : "=v"(all) : "m"(*constant));
@@ -209,7 +210,7 @@ V_INLINE vi v_near_both(vi at) {
   static const int32_t next = 0x10000;
   return v_addi(_mm512_or_si512(at, v_shl(at, 16)), v_loaded(&next));
 }
-/* A permutation reaches two slices. The third is that of the lanes in the neighbourhood's third slice. */
+/* Cells lie in slices 0 to 2. One permutation finds the voxels of cells in slices 0 and 1, a masked one those of slice 2. */
 V_INLINE void v_near_pair_u16(const v_near_slices *n, vi at, int more, vf *a, vf *b) {
   const int z = more / 32;
   vi both = more % 32 ? v_addi(v_near_both(at), v_near_more(more % 32)) : v_near_both(at);
