@@ -48,8 +48,8 @@ static const variant variants[] = {{"scalar", TC_BACKEND_CPU, "scalar", true},
                                    {"avx512", TC_BACKEND_CPU, "avx512", true},
                                    {"avx512, no leaping", TC_BACKEND_CPU, "avx512", false},
                                    {"scalar, no leaping", TC_BACKEND_CPU, "scalar", false},
-                                   {"avx512-gather", TC_BACKEND_CPU, "avx512-gather", true},
-                                   {"avx512-gather, no leaping", TC_BACKEND_CPU, "avx512-gather", false},
+                                   {"avx512-load", TC_BACKEND_CPU, "avx512-load", true},
+                                   {"avx512-load, no leaping", TC_BACKEND_CPU, "avx512-load", false},
                                    {"avx2, no leaping", TC_BACKEND_CPU, "avx2", false},
                                    {"gl", TC_BACKEND_GL, NULL, true}};
 enum { N_VARIANTS = G_N_ELEMENTS(variants) };
@@ -358,7 +358,7 @@ static bool parse(bench *b, int argc, char **argv, GError **error) {
       {"size", 0, 0, G_OPTION_ARG_INT, &a->size, "width and height of the picture (512)", "PIXELS"},
       {"runs", 0, 0, G_OPTION_ARG_INT, &a->runs, "timed frames per variant (9)", "N"},
       {"threads", 0, 0, G_OPTION_ARG_INT, &a->threads, "CPU workers (one per core)", "N"},
-      {"isa", 0, 0, G_OPTION_ARG_STRING, &a->isa, "scalar, avx2, avx512 or avx512-gather alone", "NAME"},
+      {"isa", 0, 0, G_OPTION_ARG_STRING, &a->isa, "scalar, avx2, avx512 or avx512-load alone", "NAME"},
       {"error", 0, 0, G_OPTION_ARG_INT, &a->pixels, "pixels compared with the reference (1000; 0 = none)", "N"},
       {"azimuth", 0, 0, G_OPTION_ARG_DOUBLE, &a->azimuth, "camera, degrees about the body axis (30)", "DEG"},
       {"elevation", 0, 0, G_OPTION_ARG_DOUBLE, &a->elevation, "camera, degrees upwards (20)", "DEG"},
@@ -386,7 +386,7 @@ static bool parse(bench *b, int argc, char **argv, GError **error) {
   }
   if (a->json && strcmp(a->json, "-") && !check_folder(a->json, error)) return false;
   if (a->isa && !is_isa(a->isa)) {
-    tc_set_error(error, TC_ERROR_INVALID, NULL, "--isa %s: scalar, avx2, avx512 or avx512-gather expected", a->isa);
+    tc_set_error(error, TC_ERROR_INVALID, NULL, "--isa %s: scalar, avx2, avx512 or avx512-load expected", a->isa);
     return false;
   }
   if (a->paper && strcmp(a->paper, "003") && strcmp(a->paper, "004") && !tcs_paper_known(a->paper)) {

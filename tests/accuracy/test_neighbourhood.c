@@ -1,4 +1,4 @@
-/* Variants of one instruction set draw the same bits: neighbourhoods in registers and gathers. */
+/* Variants of one instruction set draw the same bits: neighbourhoods in registers and loads. */
 #include "tests/support/test.h"
 
 #include "renderer/tomocast.h"
@@ -54,9 +54,9 @@ static tc_renderer *open_variant(const char *isa) {
   return r;
 }
 
-TEST(neighbourhoods_and_gathers_draw_the_same_bits) {
+TEST(neighbourhoods_and_loads_draw_the_same_bits) {
   static const tc_render_request linear = {.want_linear = true};
-  tc_renderer *variants[2] = {open_variant("avx512-gather"), open_variant("avx512")};
+  tc_renderer *variants[2] = {open_variant("avx512-load"), open_variant("avx512")};
   tc_frame frames[2] = {{0}};
   uint64_t state = 17, shown = 0;
   if (!variants[0]) skip();
@@ -68,7 +68,7 @@ TEST(neighbourhoods_and_gathers_draw_the_same_bits) {
     const size_t pixels = (size_t)scene.image.width * (size_t)scene.image.height;
     for (size_t p = 0; p < 4 * pixels; p++)
       if (memcmp(&frames[0].linear[p], &frames[1].linear[p], 4))
-        fail_msg("trial %d: channel %zu of pixel %zu is %.9g by gathers, %.9g by neighbourhoods", trial, p % 4, p / 4,
+        fail_msg("trial %d: channel %zu of pixel %zu is %.9g by loads, %.9g by neighbourhoods", trial, p % 4, p / 4,
                  (double)frames[0].linear[p], (double)frames[1].linear[p]);
     for (size_t p = 0; p < pixels; p++) shown += frames[0].linear[4 * p + 3] > 0;
   }
@@ -82,7 +82,7 @@ TEST(the_faster_variant_is_chosen_at_start) {
   tc_renderer *chosen = open_variant(NULL), *widest = open_variant("avx512");
   const char *name = tc_renderer_about(chosen)->isa;
   printf("  chosen: %s\n", name);
-  if (widest) assert_true(!strcmp(name, "avx512") || !strcmp(name, "avx512-gather"));
+  if (widest) assert_true(!strcmp(name, "avx512") || !strcmp(name, "avx512-load"));
   tc_renderer_free(chosen);
   tc_renderer_free(widest);
 }

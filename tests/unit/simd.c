@@ -182,7 +182,8 @@ static void voxels_are_read_exactly(void **unused) {
     lanes off;                                                                                                        \
     for (int k = 0; k < V_LANES; k++) off.i[k] = round ? (int)(draw() % (unsigned)(last + 1)) : last;                 \
     vf a, b, c, d;                                                                                                    \
-    v_pair_##name(memory, to_vi(&off), &a, &b);                                                                       \
+    const v_places at = v_place(to_vi(&off));                                                                         \
+    v_pair_##name(memory, &at, &a, &b);                                                                               \
     CORNER_##name(&c, &d);                                                                                            \
     for (int k = 0; k < V_LANES; k++) {                                                                               \
       const type *p = (const type *)(const void *)memory + off.i[k];                                                  \
@@ -190,7 +191,7 @@ static void voxels_are_read_exactly(void **unused) {
       assert_true(same(of_vf(c).f[k], (float)p[0]) && same(of_vf(d).f[k], (float)p[1]));                              \
     }                                                                                                                 \
   }
-#define CORNER(name, bias, c, d) v_corner_##name(memory, to_vi(&off), c, d), *(c) = *(c) - v_set(bias), *(d) = *(d) - v_set(bias)
+#define CORNER(name, bias, c, d) v_corner_##name(memory, &at, c, d), *(c) = *(c) - v_set(bias), *(d) = *(d) - v_set(bias)
 #define CORNER_u8(c, d) CORNER(u8, V_BIAS_U8, c, d)
 #define CORNER_i8(c, d) CORNER(i8, V_BIAS_I8, c, d)
 #define CORNER_u16(c, d) CORNER(u16, V_BIAS_U16, c, d)
@@ -327,7 +328,8 @@ static void pixels_are_stored_in_place(void **unused) {
 
 static void prefetching_reads_nothing(void **unused) {
   lanes off = ints();
-  v_prefetch(NULL, to_vi(&off), 4);
+  const v_places at = v_place(to_vi(&off));
+  v_prefetch(NULL, &at, 4);
 }
 
 static void bilinear_is_exact_at_entries_and_near_between(void **unused) {

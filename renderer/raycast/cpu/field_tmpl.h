@@ -3,14 +3,19 @@
 /* tc_voxel_type by the name that SIMD_VOXELS uses. */
 enum { TYPE_u8 = TC_U8, TYPE_i8 = TC_I8, TYPE_u16 = TC_U16, TYPE_i16 = TC_I16, TYPE_f32 = TC_F32 };
 
-V_INLINE void fetch_pair(int type, const void *voxels, vi off, vf *a, vf *b) {
+V_INLINE void load_pair(int type, const void *voxels, const v_places *at, vf *a, vf *b) {
   switch (type) { /* a constant after inlining */
-  case TC_U8: v_pair_u8(voxels, off, a, b); return;
-  case TC_I8: v_pair_i8(voxels, off, a, b); return;
-  case TC_U16: v_pair_u16(voxels, off, a, b); return;
-  case TC_I16: v_pair_i16(voxels, off, a, b); return;
-  default: v_pair_f32(voxels, off, a, b); return;
+  case TC_U8: v_pair_u8(voxels, at, a, b); return;
+  case TC_I8: v_pair_i8(voxels, at, a, b); return;
+  case TC_U16: v_pair_u16(voxels, at, a, b); return;
+  case TC_I16: v_pair_i16(voxels, at, a, b); return;
+  default: v_pair_f32(voxels, at, a, b); return;
   }
+}
+
+V_INLINE void fetch_pair(int type, const void *voxels, vi off, vf *a, vf *b) {
+  const v_places at = v_place(off);
+  load_pair(type, voxels, &at, a, b);
 }
 
 #ifndef V_BIAS_U8 /* an instruction set where converting to float is as cheap as adding a bias (simd.h) */
@@ -24,16 +29,18 @@ V_INLINE void fetch_pair(int type, const void *voxels, vi off, vf *a, vf *b) {
 #define V_BIAS_I16 0
 #endif
 
-/* fetch_pair() with bias_of() the type added to each voxel. */
-V_INLINE void fetch_corner(int type, const void *voxels, vi off, vf *a, vf *b) {
+/* The pair with bias_of() the type added to each voxel. */
+V_INLINE void load_corner(int type, const void *voxels, const v_places *at, vf *a, vf *b) {
   switch (type) {
-  case TC_U8: v_corner_u8(voxels, off, a, b); return;
-  case TC_I8: v_corner_i8(voxels, off, a, b); return;
-  case TC_U16: v_corner_u16(voxels, off, a, b); return;
-  case TC_I16: v_corner_i16(voxels, off, a, b); return;
-  default: v_pair_f32(voxels, off, a, b); return;
+  case TC_U8: v_corner_u8(voxels, at, a, b); return;
+  case TC_I8: v_corner_i8(voxels, at, a, b); return;
+  case TC_U16: v_corner_u16(voxels, at, a, b); return;
+  case TC_I16: v_corner_i16(voxels, at, a, b); return;
+  default: v_pair_f32(voxels, at, a, b); return;
   }
 }
+
+V_INLINE int voxel_bytes(int type) { return type == TC_F32 ? 4 : type == TC_U8 || type == TC_I8 ? 1 : 2; }
 
 V_INLINE float bias_of(int type) {
   switch (type) {
@@ -73,13 +80,13 @@ V_INLINE vi cell_offset(const tc_cpu_args *args, const vi cell[3]) {
   return v_addi(cell[0], v_addi(v_muli(cell[1], v_seti(args->grid.row)), v_muli(cell[2], v_seti(args->grid.slice))));
 }
 
-V_INLINE corners gather_corners(const tc_cpu_args *args, int type, vi off) {
+/* at: the lanes' cells */
+V_INLINE corners load_corners(const tc_cpu_args *args, int type, const v_places *at) {
+  const ptrdiff_t along_y = args->grid.stride[1] * voxel_bytes(type), along_z = args->grid.stride[2] * voxel_bytes(type);
   corners c;
-  vi off_y = v_addi(off, v_seti(args->grid.stride[1])), off_z = v_addi(off, v_seti(args->grid.stride[2]));
-  fetch_corner(type, args->grid.voxels, off, &c.a[0], &c.b[0]);
-  fetch_corner(type, args->grid.voxels, off_y, &c.a[1], &c.b[1]);
-  fetch_corner(type, args->grid.voxels, off_z, &c.a[2], &c.b[2]);
-  fetch_corner(type, args->grid.voxels, v_addi(off_y, v_seti(args->grid.stride[2])), &c.a[3], &c.b[3]);
+#pragma GCC unroll 4
+  for (int k = 0; k < 4; k++)
+    load_corner(type, (const char *)args->grid.voxels + (k & 1) * along_y + (k >> 1) * along_z, at, &c.a[k], &c.b[k]);
   return c;
 }
 
@@ -163,7 +170,8 @@ V_INLINE vf interpolate(int type, const corners *c, const vf f[3], vf *gradient)
 V_INLINE vf sample_field(const tc_cpu_args *args, variant v, const packet *p, vf t, vf *gradient) {
   if (v.filter != TC_FILTER_LINEAR && !gradient) return sample_filtered(args, v, p, t);
   const spot s = spot_at(args, p, t);
-  const corners c = gather_corners(args, v.type, cell_offset(args, s.cell));
+  const v_places at = v_place(cell_offset(args, s.cell));
+  const corners c = load_corners(args, v.type, &at);
   vf linear = interpolate(v.type, &c, s.f, gradient);
   return v.filter == TC_FILTER_LINEAR ? linear : sample_filtered(args, v, p, t);
 }

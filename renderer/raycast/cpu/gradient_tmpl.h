@@ -19,7 +19,7 @@ V_INLINE void interpolate_slopes(const slopes *s, const vf f[3], vf gradient[3])
   }
 }
 
-V_INLINE void gather_central(const tc_cpu_args *args, int type, const vf q[3], vf gradient[3]) {
+V_INLINE void load_central(const tc_cpu_args *args, int type, const vf q[3], vf gradient[3]) {
   taps t[3];
   vf f[3], twice[3][2], v[4][4][4]; /* [z][y][x]; one-sided differences on the volume's faces count twice */
   slopes s;
@@ -96,7 +96,7 @@ V_INLINE vm slope_places(int type, const int base[3], const vi cell[3], vi *at) 
 SIMD_VOXELS(NEAR_SLOPES)
 
 /* Twice the gradient, at f within the cells at elements `at` of the neighbourhood whose lowest cell is `first`; to the same
- * bits as by gathers. */
+ * bits as by loads. */
 V_INLINE void near_central(const tc_cpu_args *args, int type, ptrdiff_t first, vi at, const vf f[3], vf gradient[3]) {
   slopes s;
   switch (type) { /* a constant after inlining */
@@ -115,7 +115,7 @@ V_INLINE void least_of(const vf q[3], vm needs, float least[3]) {
   for (int k = 0; k < 3; k++) least[k] = v_least(v_select(needs, q[k], v_set(1e9f)));
 }
 
-#define MOST_PARTS 4 /* neighbourhoods, above which gathers are faster */
+#define MOST_PARTS 4 /* neighbourhoods, above which loads are faster */
 
 /* The gradients of the lanes in `needs` that fit one of a few neighbourhoods; returns the others. */
 V_INLINE vm find_in_parts(const tc_cpu_args *args, int type, const vf q[3], vm needs, vf gradient[3]) {
@@ -154,20 +154,20 @@ V_INLINE vm find_in_parts(const tc_cpu_args *args, int type, const vf q[3], vm n
  * trilinearly: continuous across cells. needs: the lanes whose gradient will be used. */
 #ifdef V_NEAR
 #define CENTRAL(name, type)                                                                                           \
-  V_ONCE void gather_central_##name(const tc_cpu_args *args, const vf q[3], vf gradient[3]) {                         \
-    gather_central(args, TYPE_##name, q, gradient);                                                                   \
+  V_ONCE void load_central_##name(const tc_cpu_args *args, const vf q[3], vf gradient[3]) {                         \
+    load_central(args, TYPE_##name, q, gradient);                                                                   \
   }                                                                                                                   \
   V_ONCE void central_##name(const tc_cpu_args *args, const vf q[3], vm needs, vf gradient[3]) {                      \
     vf found[3] = {v_set(0), v_set(0), v_set(0)};                                                                     \
     const vm missing = find_in_parts(args, TYPE_##name, q, needs, found);                                             \
-    if (m_any(missing)) gather_central_##name(args, q, gradient);                                                     \
+    if (m_any(missing)) load_central_##name(args, q, gradient);                                                     \
     for (int k = 0; k < 3; k++) gradient[k] = v_select(missing, gradient[k], found[k]);                               \
   }
 #else
 #define CENTRAL(name, type)                                                                                           \
   V_ONCE void central_##name(const tc_cpu_args *args, const vf q[3], vm needs, vf gradient[3]) {                      \
     (void)needs;                                                                                                      \
-    gather_central(args, TYPE_##name, q, gradient);                                                                   \
+    load_central(args, TYPE_##name, q, gradient);                                                                   \
   }
 #endif
 SIMD_VOXELS(CENTRAL)

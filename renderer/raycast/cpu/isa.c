@@ -10,7 +10,7 @@
 static const tc_cpu_isa isas[] = {
     {"scalar", "scalar", tc_kernel_scalar, tc_surface_kernel_scalar, false, 20},
     {"avx2", "avx2", tc_kernel_avx2, tc_surface_kernel_avx2, false, 5},
-    {"avx512-gather", "avx512", tc_kernel_avx512, tc_surface_kernel_avx512, false, 3},
+    {"avx512-load", "avx512", tc_kernel_avx512, tc_surface_kernel_avx512, false, 3},
     {"avx512", "avx512", tc_kernel_avx512, tc_surface_kernel_avx512, true, 3},
 };
 enum { N_ISAS = sizeof isas / sizeof *isas };
@@ -84,6 +84,6 @@ const tc_cpu_isa *tc_cpu_isa_choose(const char *wanted, GError **error) {
     return two ? faster(&isas[i], &isas[i - 1]) : &isas[i];
   }
   tc_set_error(error, TC_ERROR_INVALID, NULL,
-               "instruction set \"%s\" is unknown: scalar, avx2, avx512 or avx512-gather expected", wanted);
+               "instruction set \"%s\" is unknown: scalar, avx2, avx512 or avx512-load expected", wanted);
   return NULL;
 }

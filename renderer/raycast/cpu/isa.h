@@ -1,4 +1,4 @@
-/* The variants of the cpu back end's kernels: an instruction set, and how voxels are loaded (by gathers or by register
+/* The variants of the cpu back end's kernels: an instruction set, and how voxels are loaded (one by one or by register
  * neighbourhoods). Variants of one instruction set draw the same bits. */
 #ifndef TC_CPU_ISA_H
 #define TC_CPU_ISA_H
@@ -7,7 +7,7 @@
 #include "renderer/raycast/cpu/kernels.h"
 
 typedef struct tc_cpu_isa {
-  const char *name, *instructions; /* "avx512-gather", "avx512" */
+  const char *name, *instructions; /* "avx512-load", "avx512" */
   tc_cpu_kernel (*find)(const tc_plan_key *key), (*find_surface)(const tc_plan_key *key);
   bool near;        /* tc_cpu_args.near */
   double sample_ns; /* rough time per sample of tc_estimate_samples() */
@@ -15,7 +15,7 @@ typedef struct tc_cpu_isa {
 
 /* Finds a variant by name; TC_ERROR_INVALID for an unknown name or an instruction set that this processor lacks. wanted
  * NULL: the best instruction set of this processor, in the variant that is faster in a trial of a few milliseconds,
- * because the cost of a gather differs more than tenfold between processors. Static. */
+ * because the costs of loads and of permutations differ between processors. Static. */
 const tc_cpu_isa *tc_cpu_isa_choose(const char *wanted, GError **error);
 
 #endif

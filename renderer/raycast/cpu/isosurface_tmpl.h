@@ -55,10 +55,11 @@ V_INLINE void fetch_corners(const tc_cpu_args *args, variant v, iso_cell *c) {
   for (int k = 0; k < 3; k++)
     at[k] = v_trunc(v_min(v_max(c->at[k], v_set(0)), v_set((float)args->grid.cell_last[k])));
   vi off = v_addi(at[0], v_addi(v_muli(at[1], v_seti(args->grid.row)), v_muli(at[2], v_seti(args->grid.slice))));
+  const v_places place = v_place(off);
   for (int zy = 0; zy < 4; zy++) {
     vf a, b;
-    fetch_pair(v.type, args->grid.voxels,
-               v_addi(off, v_seti((zy & 1) * args->grid.stride[1] + (zy >> 1) * args->grid.stride[2])), &a, &b);
+    const ptrdiff_t further = (zy & 1) * args->grid.stride[1] + (zy >> 1) * args->grid.stride[2];
+    load_pair(v.type, (const char *)args->grid.voxels + further * voxel_bytes(v.type), &place, &a, &b);
     if (!args->grid.stride[0]) b = a;
     c->w[2 * zy] = (a - v_set(args->surface.iso)) * v_set(args->surface.scale);
     c->w[2 * zy + 1] = (b - v_set(args->surface.iso)) * v_set(args->surface.scale);

@@ -15,9 +15,9 @@ V_INLINE label_mix find_label(const tc_cpu_labels *l, vf voxel) {
   vi off = v_shl(v_trunc(voxel - v_set(l->base)), 3);
   label_mix m;
   vf unused;
-  v_pair_f32(l->entries, off, &m.tint[0], &m.tint[1]);
-  v_pair_f32(l->entries, v_addi(off, v_seti(2)), &m.tint[2], &m.tint[3]);
-  v_pair_f32(l->entries, v_addi(off, v_seti(4)), &m.visible, &unused);
+  fetch_pair(TC_F32, l->entries, off, &m.tint[0], &m.tint[1]);
+  fetch_pair(TC_F32, l->entries, v_addi(off, v_seti(2)), &m.tint[2], &m.tint[3]);
+  fetch_pair(TC_F32, l->entries, v_addi(off, v_seti(4)), &m.visible, &unused);
   return m;
 }
 

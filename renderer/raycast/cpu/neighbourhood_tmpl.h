@@ -1,5 +1,5 @@
 /* The samples of a march, with prefetching. If a packet's samples lie close together, the corners of all their cells
- * are taken from one neighbourhood of 4x4x4 floats, or 8x4x4 integers, in registers instead of by gathers, for instruction
+ * are taken from one neighbourhood of 4x4x4 floats, or 8x4x4 integers, in registers instead of by loads, for instruction
  * sets that have neighbourhoods (V_NEAR, simd.h). Both ways give the same bits.
  *
  * The rays of a packet enter a slanted face at different depths, which would spread the samples of one step along the
@@ -7,7 +7,7 @@
  * the positions of a ray's samples do not change. */
 
 #define PREFETCH_STEPS 8
-#define MOST_NEIGHBOURHOODS 1.35f /* largest mean number of neighbourhoods per step for which gathers are slower */
+#define MOST_NEIGHBOURHOODS 1.35f /* largest mean number of neighbourhoods per step for which loads are slower */
 
 typedef struct march {
   ptrdiff_t ahead; /* offset in voxels to the position of the rays PREFETCH_STEPS later */
@@ -99,21 +99,22 @@ V_INLINE march start_march(const tc_cpu_args *args, variant v, packet *p, bool m
   return m;
 }
 
-V_INLINE int voxel_bytes(int type) { return type == TC_F32 ? 4 : type == TC_U8 || type == TC_I8 ? 1 : 2; }
-
 #ifdef V_NEAR
 /* For lanes that do not fit: too rare to be inlined. */
-#define GATHER_APART(name, type)                                                                                      \
-  V_ONCE corners gather_##name(const tc_cpu_args *args, vi off) { return gather_corners(args, TYPE_##name, off); }
-SIMD_VOXELS(GATHER_APART)
+#define LOAD_APART(name, type)                                                                                        \
+  V_ONCE corners load_##name(const tc_cpu_args *args, vi off) {                                                       \
+    const v_places at = v_place(off);                                                                                 \
+    return load_corners(args, TYPE_##name, &at);                                                                      \
+  }
+SIMD_VOXELS(LOAD_APART)
 
-V_INLINE corners gather_apart(const tc_cpu_args *args, int type, vi off) {
+V_INLINE corners load_apart(const tc_cpu_args *args, int type, vi off) {
   switch (type) { /* a constant after inlining */
-  case TC_U8: return gather_u8(args, off);
-  case TC_I8: return gather_i8(args, off);
-  case TC_U16: return gather_u16(args, off);
-  case TC_I16: return gather_i16(args, off);
-  default: return gather_f32(args, off);
+  case TC_U8: return load_u8(args, off);
+  case TC_I8: return load_i8(args, off);
+  case TC_U16: return load_u16(args, off);
+  case TC_I16: return load_i16(args, off);
+  default: return load_f32(args, off);
   }
 }
 
@@ -180,7 +181,7 @@ V_INLINE corners march_near(const tc_cpu_args *args, int type, const packet *p, 
     for (int k = 0; k < 3; k++) f[k] = s.f[k];
     fit = !m_any(m_andnot(needs, near_places(type, least, s.cell, &at)));
   }
-  if (__builtin_expect(!fit, 0)) return gather_apart(args, type, cell_offset(args, spot_at(args, p, t).cell));
+  if (__builtin_expect(!fit, 0)) return load_apart(args, type, cell_offset(args, spot_at(args, p, t).cell));
   return near_corners(args, type, first, at);
 }
 
@@ -196,18 +197,17 @@ V_INLINE vf inner_voxel(const tc_cpu_args *args, variant v, const packet *p, con
 V_INLINE vf march_voxel(const tc_cpu_args *args, variant v, const packet *p, const march *m, int i, vf t, vm needs,
                         vf *gradient) {
   if (v.filter != TC_FILTER_LINEAR) return sample_field(args, v, p, t, gradient);
-  corners c;
 #ifdef V_NEAR
   if (m->near) {
     vf f[3];
-    c = march_near(args, v.type, p, m, i, t, needs, false, f);
+    const corners c = march_near(args, v.type, p, m, i, t, needs, false, f);
     return interpolate(v.type, &c, f, gradient);
   }
 #endif
   const spot s = spot_at(args, p, t);
-  const vi off = cell_offset(args, s.cell);
-  c = gather_corners(args, v.type, off);
-  v_prefetch((const void *)((uintptr_t)args->grid.voxels + (uintptr_t)(m->ahead * voxel_bytes(v.type))), off,
+  const v_places at = v_place(cell_offset(args, s.cell));
+  const corners c = load_corners(args, v.type, &at);
+  v_prefetch((const void *)((uintptr_t)args->grid.voxels + (uintptr_t)(m->ahead * voxel_bytes(v.type))), &at,
              voxel_bytes(v.type));
   return interpolate(v.type, &c, s.f, gradient);
 }

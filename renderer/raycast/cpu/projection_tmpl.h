@@ -23,7 +23,7 @@ V_INLINE vf4 grey_of(const tc_cpu_args *args, vf w, vm met) {
   if (args->to_light) {
     vf x = grey * v_set(TC_LIGHT_STEPS), low, high;
     vi i = v_trunc(x);
-    v_pair_f32(args->to_light, i, &low, &high);
+    fetch_pair(TC_F32, args->to_light, i, &low, &high);
     grey = v_fma(x - v_float(i), high - low, low);
   }
   return (vf4){grey, grey, grey, v_select(met, v_set(1), v_set(0))};

@@ -27,13 +27,13 @@
  *   off.
  * - v_table: entry at (0 to 95) of a table of 96 floats. v_compact: stores the set lanes one after another, 4 bytes each;
  *   may write V_LANES of them, the others unspecified.
- * - v_bytes: the byte at offset off. v_pair_T: elements off and off + 1, exactly; off counts elements, >= 0. Both may
+ * - v_places: the lanes' offsets, where a load finds them fast. v_place: those of off.
+ * - v_bytes: the byte at offset off. v_pair_T: elements at->off and at->off + 1, exactly; offsets count elements. Both may
  *   read, but not use, 3 bytes beyond: volumes and maps are padded.
  * - v_corner_T: the pair with V_BIAS_T added to each, exactly, for an instruction set where that is cheaper;
  *   field_tmpl.h has the default.
- * - v_prefetch: prefetches the cache lines of some lanes' elements off, of `size` bytes each; the addresses may be
- *   invalid.
- * - Only if V_NEAR is defined, for an instruction set whose permutations are cheaper than gathers: v_near_T, a
+ * - v_prefetch: prefetches the cache lines of some lanes' elements, of `size` bytes each; the addresses may be invalid.
+ * - Only if V_NEAR is defined, for an instruction set whose permutations are cheaper than loads: v_near_T, a
  *   neighbourhood of V_NEAR_T (4 or 8) x 4 x 4 voxels; v_near_load_T: loads the neighbourhood whose lowest voxel is at
  *   p, with strides `row` and `slice` in voxels along y and z, reading these voxels alone; v_near_pair_T: elements at +
  *   more and at + more + 1, with V_BIAS_T added to each. Element x + V_NEAR_T (y + 4 z) is voxel (x, y, z); `at` is a cell's
@@ -128,7 +128,7 @@
 #define SIMD_HAS_INTEGER(name, meaning) SIMD_HAS(vi, name, vi, vi);
 #define SIMD_HAS_ORDER(name, meaning) SIMD_HAS(vm, name, vi, vi);
 #define SIMD_HAS_SHIFT(name, meaning) SIMD_HAS(vi, name, vi, int);
-#define SIMD_HAS_PAIR(name, type) SIMD_HAS(void, v_pair_##name, const void *, vi, vf *, vf *);
+#define SIMD_HAS_PAIR(name, type) SIMD_HAS(void, v_pair_##name, const void *, const v_places *, vf *, vf *);
 
 #define SIMD_HAS_NEAR(name, type)                                                                                     \
   SIMD_HAS(v_near_##name, v_near_load_##name, const void *, ptrdiff_t, ptrdiff_t);                                    \
@@ -169,7 +169,8 @@
   SIMD_HAS(vi, v_bytes, const uint8_t *, vi);                                                                         \
   SIMD_HAS(vf, v_table, const float *, vi);                                                                           \
   SIMD_HAS(void, v_compact, void *, vm, vf);                                                                          \
-  SIMD_HAS(void, v_prefetch, const void *, vi, int);                                                                  \
+  SIMD_HAS(v_places, v_place, vi);                                                                                    \
+  SIMD_HAS(void, v_prefetch, const void *, const v_places *, int);                                                                  \
   SIMD_HAS(vf4, v_bilinear, const float *, vi, vi, vf, vf);                                                           \
   _Static_assert(V_PACKET_X * V_PACKET_Y == V_LANES, "a packet's pixels are its lanes")
 

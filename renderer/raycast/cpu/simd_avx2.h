@@ -14,6 +14,7 @@ typedef __m256 vf;
 typedef __m256i vi;
 typedef __m256 vm; /* all bits of a lane set or clear */
 typedef struct vf4 { vf r, g, b, a; } vf4;
+typedef struct v_places { int32_t off[8] __attribute__((aligned(32))); } v_places;
 
 V_INLINE vf v_set(float x) { return _mm256_set1_ps(x); }
 V_INLINE vi v_seti(int x) { return _mm256_set1_epi32(x); }
@@ -78,21 +79,48 @@ V_INLINE float v_least(vf a) {
   return _mm_cvtss_f32(_mm_min_ss(m, _mm_movehdup_ps(m)));
 }
 
-V_INLINE vi v_gather_bytes(const void *base, vi off) { return _mm256_i32gather_epi32((const int *)base, off, 1); }
-V_INLINE vi v_gather_words(const void *base, vi off) { return _mm256_i32gather_epi32((const int *)base, off, 2); }
-V_INLINE void v_pair_f32(const void *base, vi off, vf *a, vf *b) {
-  *a = _mm256_i32gather_ps((const float *)base, off, 4);
-  *b = _mm256_i32gather_ps((const float *)base + 1, off, 4);
+/* An integer put into the mantissa of 2^23 is a float at once. */
+V_INLINE vf v_biased(vi bits) { return v_from_bits(v_ori(bits, v_seti(0x4b000000))); }
+V_INLINE void v_biased_bytes(vi p, vf *a, vf *b) {
+  *a = v_biased(v_andi(p, v_seti(255)));
+  *b = v_biased(v_andi(v_shr(p, 8), v_seti(255)));
 }
-#include "renderer/raycast/cpu/simd_gather.h"
+V_INLINE void v_biased_words(vi p, vf *a, vf *b) {
+  *a = v_from_bits(_mm256_blend_epi16(p, v_seti(0x4b000000), 0xaa));
+  *b = v_biased(v_shr(p, 16));
+}
+V_INLINE vi v_flip(vi a, uint32_t bits) { return _mm256_xor_si256(a, v_seti((int)bits)); }
 
-V_INLINE void v_prefetch(const void *base, vi off, int size) {
-  int32_t at[8] __attribute__((aligned(32)));
-  _mm256_store_si256((__m256i *)at, off);
-  __asm__("" : "+m"(at)); /* through memory, as in v_bilinear() */
+V_INLINE v_places v_place(vi off) {
+  v_places at;
+  _mm256_store_si256((__m256i *)at.off, off);
+  /* Through memory on purpose: extracting lanes from registers would occupy the ports that the arithmetic needs. */
+  __asm__("" : "+m"(at.off));
+  return at;
+}
+#define V_LANE(l) _mm_loadu_si32(p + (ptrdiff_t)at->off[l] * size)
+V_INLINE vi v_load_lanes(const char *p, const v_places *at, int size) {
+  __m128i low01 = _mm_unpacklo_epi32(V_LANE(0), V_LANE(1)), low23 = _mm_unpacklo_epi32(V_LANE(2), V_LANE(3));
+  __m128i high01 = _mm_unpacklo_epi32(V_LANE(4), V_LANE(5)), high23 = _mm_unpacklo_epi32(V_LANE(6), V_LANE(7));
+  return _mm256_inserti128_si256(_mm256_castsi128_si256(_mm_unpacklo_epi64(low01, low23)), _mm_unpacklo_epi64(high01, high23), 1);
+}
+V_INLINE __m256 v_two_of_four(const float *p, const int32_t *off) { /* pairs of lanes 0, 1 and 4, 5 */
+  const double *const at[4] = {(const double *)(const void *)(p + off[0]), (const double *)(const void *)(p + off[1]),
+                               (const double *)(const void *)(p + off[4]), (const double *)(const void *)(p + off[5])};
+  __m128d low = _mm_loadh_pd(_mm_load_sd(at[0]), at[1]), high = _mm_loadh_pd(_mm_load_sd(at[2]), at[3]);
+  return _mm256_castpd_ps(_mm256_insertf128_pd(_mm256_castpd128_pd256(low), high, 1));
+}
+V_INLINE void v_pair_f32(const void *base, const v_places *at, vf *a, vf *b) {
+  const __m256 first = v_two_of_four(base, at->off), next = v_two_of_four(base, at->off + 2);
+  *a = _mm256_shuffle_ps(first, next, 0x88);
+  *b = _mm256_shuffle_ps(first, next, 0xdd);
+}
+#include "renderer/raycast/cpu/simd_voxels.h"
+
+V_INLINE void v_prefetch(const void *base, const v_places *at, int size) {
 #pragma GCC unroll 4
   for (int l = 0; l < 8; l += 2)
-    __builtin_prefetch((const void *)((uintptr_t)base + (uintptr_t)((ptrdiff_t)at[l] * size)));
+    __builtin_prefetch((const void *)((uintptr_t)base + (uintptr_t)((ptrdiff_t)at->off[l] * size)));
 }
 
 /* Each lane loads whole entries of 16 bytes, lane 4s+g into the 128-bit slot s of group g. A 4x4 transpose within
@@ -104,18 +132,14 @@ V_INLINE vf v_slot_pair(const double *base, const int32_t *off, int g) {
 #define V_BILINEAR_GROUP(g)                                                                                          \
   ({                                                                                                                 \
     vf y_ = _mm256_permute_ps(fy, (g) * 0x55), x_ = _mm256_permute_ps(fx, (g) * 0x55);                               \
-    vf a_ = v_slot_pair(halves, p, g), b_ = v_slot_pair(halves + 2, p, g);                                               \
-    a_ = v_fma(y_, v_slot_pair(halves, q, g) - a_, a_);                                                                \
-    b_ = v_fma(y_, v_slot_pair(halves + 2, q, g) - b_, b_);                                                            \
+    vf a_ = v_slot_pair(halves, p.off, g), b_ = v_slot_pair(halves + 2, p.off, g);                                               \
+    a_ = v_fma(y_, v_slot_pair(halves, q.off, g) - a_, a_);                                                                \
+    b_ = v_fma(y_, v_slot_pair(halves + 2, q.off, g) - b_, b_);                                                            \
     v_fma(x_, b_ - a_, a_);                                                                                          \
   })
 V_INLINE vf4 v_bilinear(const float *base, vi row0, vi row1, vf fx, vf fy) {
-  int32_t p[8] __attribute__((aligned(32))), q[8] __attribute__((aligned(32)));
+  const v_places p = v_place(v_shl(row0, 1)), q = v_place(v_shl(row1, 1));
   const double *halves = (const double *)(const void *)base; /* half entries: an address mode scales by 8, not by 16 */
-  _mm256_store_si256((__m256i *)p, v_shl(row0, 1));
-  _mm256_store_si256((__m256i *)q, v_shl(row1, 1));
-  /* Through memory on purpose: extracting lanes from registers would occupy the ports that the arithmetic needs. */
-  __asm__("" : "+m"(p), "+m"(q));
   vf e0 = V_BILINEAR_GROUP(0), e1 = V_BILINEAR_GROUP(1), e2 = V_BILINEAR_GROUP(2), e3 = V_BILINEAR_GROUP(3);
   vf t0 = _mm256_unpacklo_ps(e0, e1), t1 = _mm256_unpackhi_ps(e0, e1);
   vf t2 = _mm256_unpacklo_ps(e2, e3), t3 = _mm256_unpackhi_ps(e2, e3);

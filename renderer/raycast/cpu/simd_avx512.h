@@ -14,6 +14,7 @@ typedef __m512 vf;
 typedef __m512i vi;
 typedef __mmask16 vm;
 typedef struct vf4 { vf r, g, b, a; } vf4;
+typedef struct v_places { int32_t off[16] __attribute__((aligned(64))); } v_places;
 
 V_INLINE vf v_set(float x) { return _mm512_set1_ps(x); }
 V_INLINE vi v_seti(int x) { return _mm512_set1_epi32(x); }
@@ -77,14 +78,6 @@ V_INLINE vf v_table(const float *table, vi at) {
 V_INLINE void v_compact(void *p, vm m, vf a) { _mm512_storeu_ps(p, _mm512_maskz_compress_ps(m, a)); }
 V_INLINE float v_least(vf a) { return _mm512_reduce_min_ps(a); }
 
-V_INLINE vi v_gather_bytes(const void *base, vi off) { return _mm512_i32gather_epi32(off, base, 1); }
-V_INLINE vi v_gather_words(const void *base, vi off) { return _mm512_i32gather_epi32(off, base, 2); }
-V_INLINE void v_pair_f32(const void *base, vi off, vf *a, vf *b) {
-  *a = _mm512_i32gather_ps(off, base, 4);
-  *b = _mm512_i32gather_ps(off, (const float *)base + 1, 4);
-}
-#include "renderer/raycast/cpu/simd_gather.h"
-
 /* Pairs plus a bias: an integer put into the mantissa of 2^23 becomes a float in one instruction, and the bias
  * cancels exactly in differences. */
 V_INLINE vf v_biased(vi bits, __mmask64 bytes, vi order) {
@@ -99,26 +92,48 @@ V_INLINE void v_biased_words(vi p, vf *a, vf *b) {
   *a = v_from_bits(_mm512_mask_blend_epi16(0x55555555, v_seti(0x4b000000), p));
   *b = v_biased(p, 0x3333333333333333, _mm512_set4_epi32(0x0f0e, 0x0b0a, 0x0706, 0x0302));
 }
-V_INLINE void v_corner_u8(const void *base, vi off, vf *a, vf *b) { v_biased_bytes(v_gather_bytes(base, off), a, b); }
-V_INLINE void v_corner_i8(const void *base, vi off, vf *a, vf *b) {
-  v_biased_bytes(_mm512_xor_si512(v_gather_bytes(base, off), v_seti((int)0x80808080)), a, b);
-}
-V_INLINE void v_corner_u16(const void *base, vi off, vf *a, vf *b) { v_biased_words(v_gather_words(base, off), a, b); }
-V_INLINE void v_corner_i16(const void *base, vi off, vf *a, vf *b) {
-  v_biased_words(_mm512_xor_si512(v_gather_words(base, off), v_seti((int)0x80008000)), a, b);
-}
-#define V_BIAS_U8 0x1p23f
-#define V_BIAS_I8 (0x1p23f + 128)
-#define V_BIAS_U16 0x1p23f
-#define V_BIAS_I16 (0x1p23f + 32768)
+V_INLINE vi v_flip(vi a, uint32_t bits) { return _mm512_xor_si512(a, v_seti((int)bits)); }
 
-V_INLINE void v_prefetch(const void *base, vi off, int size) {
-  int32_t at[16] __attribute__((aligned(64)));
-  _mm512_store_si512(at, off);
-  __asm__("" : "+m"(at)); /* through memory, as in v_bilinear() */
+V_INLINE v_places v_place(vi off) {
+  v_places at;
+  _mm512_store_si512(at.off, off);
+  /* Through memory on purpose: extracting lanes from registers would occupy the ports that the arithmetic needs. */
+  __asm__("" : "+m"(at.off));
+  return at;
+}
+#define V_LANE(l) _mm_loadu_si32(p + (ptrdiff_t)off[l] * size)
+V_INLINE __m128i v_load_four(const char *p, const int32_t *off, int size) {
+  return _mm_unpacklo_epi64(_mm_unpacklo_epi32(V_LANE(0), V_LANE(1)), _mm_unpacklo_epi32(V_LANE(2), V_LANE(3)));
+}
+V_INLINE vi v_load_lanes(const char *p, const v_places *at, int size) {
+  __m256i low = _mm256_inserti128_si256(_mm256_castsi128_si256(v_load_four(p, at->off, size)), v_load_four(p, at->off + 4, size), 1);
+  __m256i high = _mm256_inserti128_si256(_mm256_castsi128_si256(v_load_four(p, at->off + 8, size)), v_load_four(p, at->off + 12, size), 1);
+  return _mm512_inserti64x4(_mm512_castsi256_si512(low), high, 1);
+}
+V_INLINE void v_pair_f32(const void *base, const v_places *at, vf *a, vf *b) {
+  const float *const p = base;
+  __m512d pair[2];
+#pragma GCC unroll 2
+  for (int k = 0; k < 2; k++) { /* lanes 2k, 2k + 1 of each four */
+    __m256d half[2];
+#pragma GCC unroll 2
+    for (int h = 0; h < 2; h++) {
+      const int32_t *const off = at->off + 8 * h + 2 * k;
+      __m128d low = _mm_loadh_pd(_mm_load_sd((const double *)(const void *)(p + off[0])), (const double *)(const void *)(p + off[1]));
+      __m128d high = _mm_loadh_pd(_mm_load_sd((const double *)(const void *)(p + off[4])), (const double *)(const void *)(p + off[5]));
+      half[h] = _mm256_insertf128_pd(_mm256_castpd128_pd256(low), high, 1);
+    }
+    pair[k] = _mm512_insertf64x4(_mm512_castpd256_pd512(half[0]), half[1], 1);
+  }
+  *a = _mm512_shuffle_ps(_mm512_castpd_ps(pair[0]), _mm512_castpd_ps(pair[1]), 0x88);
+  *b = _mm512_shuffle_ps(_mm512_castpd_ps(pair[0]), _mm512_castpd_ps(pair[1]), 0xdd);
+}
+#include "renderer/raycast/cpu/simd_voxels.h"
+
+V_INLINE void v_prefetch(const void *base, const v_places *at, int size) {
 #pragma GCC unroll 8
   for (int l = 0; l < 16; l += 2)
-    __builtin_prefetch((const void *)((uintptr_t)base + (uintptr_t)((ptrdiff_t)at[l] * size)));
+    __builtin_prefetch((const void *)((uintptr_t)base + (uintptr_t)((ptrdiff_t)at->off[l] * size)));
 }
 
 /* Neighbourhoods: rows of 8 bytes in two registers, rows of 8 words or of 4 floats in four, one per slice. One permutation, or
@@ -323,19 +338,18 @@ V_INLINE vf v_pair_weights(vf f, int a, int b) {
 #define V_BILINEAR_GROUP(g)                                                                                          \
   ({                                                                                                                 \
     vf x_ = _mm512_permute_ps(fx, (g) * 0x55);                                                                       \
-    vf a_ = v_entry_pairs(halves, p, g, 4 + (g)), b_ = v_entry_pairs(halves, p, 8 + (g), 12 + (g));                  \
-    a_ = v_fma(v_pair_weights(fy, g, 4 + (g)), v_entry_pairs(halves, q, g, 4 + (g)) - a_, a_);                   \
-    b_ = v_fma(v_pair_weights(fy, 8 + (g), 12 + (g)), v_entry_pairs(halves, q, 8 + (g), 12 + (g)) - b_, b_);            \
+    vf a_ = v_entry_pairs(halves, p.off, g, 4 + (g)), b_ = v_entry_pairs(halves, p.off, 8 + (g), 12 + (g));                  \
+    a_ = v_fma(v_pair_weights(fy, g, 4 + (g)), v_entry_pairs(halves, q.off, g, 4 + (g)) - a_, a_);                   \
+    b_ = v_fma(v_pair_weights(fy, 8 + (g), 12 + (g)), v_entry_pairs(halves, q.off, 8 + (g), 12 + (g)) - b_, b_);            \
     vf low_ = _mm512_shuffle_f32x4(a_, b_, 0x88);                                                                    \
     v_fma(x_, _mm512_shuffle_f32x4(a_, b_, 0xdd) - low_, low_);                                                      \
   })
 V_INLINE vf4 v_bilinear(const float *base, vi row0, vi row1, vf fx, vf fy) {
-  int32_t p[16] __attribute__((aligned(64))), q[16] __attribute__((aligned(64)));
+  v_places p, q;
+  _mm512_store_si512(p.off, v_shl(row0, 1));
+  _mm512_store_si512(q.off, v_shl(row1, 1));
+  __asm__("" : "+m"(p.off), "+m"(q.off)); /* as in v_place() */
   const double *halves = (const double *)(const void *)base; /* half entries: an address mode scales by 8, not by 16 */
-  _mm512_store_si512(p, v_shl(row0, 1));
-  _mm512_store_si512(q, v_shl(row1, 1));
-  /* Through memory on purpose: extracting lanes from registers would occupy the ports that the arithmetic needs. */
-  __asm__("" : "+m"(p), "+m"(q));
   vf e0 = V_BILINEAR_GROUP(0), e1 = V_BILINEAR_GROUP(1), e2 = V_BILINEAR_GROUP(2), e3 = V_BILINEAR_GROUP(3);
   vf t0 = _mm512_unpacklo_ps(e0, e1), t1 = _mm512_unpackhi_ps(e0, e1);
   vf t2 = _mm512_unpacklo_ps(e2, e3), t3 = _mm512_unpackhi_ps(e2, e3);

@@ -15,6 +15,7 @@ typedef float vf;
 typedef int32_t vi;
 typedef bool vm;
 typedef struct vf4 { vf r, g, b, a; } vf4;
+typedef struct v_places { vi off; } v_places;
 
 #define UNARY(name, meaning) V_INLINE vf name(vf a) { return meaning; }
 #define BINARY(name, meaning) V_INLINE vf name(vf a, vf b) { return meaning; }
@@ -25,8 +26,8 @@ typedef struct vf4 { vf r, g, b, a; } vf4;
 #define ORDER(name, meaning) V_INLINE vm name(vi a, vi b) { return meaning; }
 #define SHIFT(name, meaning) V_INLINE vi name(vi a, int n) { return meaning; }
 #define PAIR(name, type)                                                                                              \
-  V_INLINE void v_pair_##name(const void *base, vi off, vf *a, vf *b) {                                               \
-    const type *p = (const type *)base + off;                                                                         \
+  V_INLINE void v_pair_##name(const void *base, const v_places *at, vf *a, vf *b) {                                   \
+    const type *p = (const type *)base + at->off;                                                                         \
     *a = p[0], *b = p[1];                                                                                             \
   }
 SIMD_UNARY(UNARY)
@@ -72,8 +73,9 @@ V_INLINE void v_compact(void *p, vm m, vf a) {
   if (m) memcpy(p, &a, sizeof a);
 }
 
-V_INLINE void v_prefetch(const void *base, vi off, int size) {
-  __builtin_prefetch((const void *)((uintptr_t)base + (uintptr_t)((ptrdiff_t)off * size)));
+V_INLINE v_places v_place(vi off) { return (v_places){off}; }
+V_INLINE void v_prefetch(const void *base, const v_places *at, int size) {
+  __builtin_prefetch((const void *)((uintptr_t)base + (uintptr_t)((ptrdiff_t)at->off * size)));
 }
 
 V_INLINE vf4 v_bilinear(const float *base, vi row0, vi row1, vf fx, vf fy) {

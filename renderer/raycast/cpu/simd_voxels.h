@@ -1,0 +1,28 @@
+/* Integer voxels of the vector vocabulary, for instruction sets of several lanes: one load fetches a voxel and its right
+ * neighbour, and reads up to 3 bytes beyond them. Loads, because the cost of a gather differs more than tenfold between
+ * processors and nowhere beats them by much. Included by a simd_*.h after v_place; v_load_lanes, 32 bits from p + size times
+ * each lane's offset on; and v_biased_bytes and v_biased_words, which put the two lowest elements of each lane, unsigned, into
+ * the mantissa of 2^23. */
+V_INLINE vi v_bytes(const uint8_t *base, vi off) {
+  const v_places at = v_place(off);
+  return v_andi(v_load_lanes((const char *)base, &at, 1), v_seti(255));
+}
+
+/* a and b: of the 32 bits p, as floats */
+#define V_VOXELS(name, size, flips, biased, first, second)                                                            \
+  V_INLINE void v_pair_##name(const void *base, const v_places *at, vf *a, vf *b) {                                   \
+    const vi p = v_load_lanes((const char *)base, at, size);                                                          \
+    *a = v_float(first), *b = v_float(second);                                                                        \
+  }                                                                                                                   \
+  V_INLINE void v_corner_##name(const void *base, const v_places *at, vf *a, vf *b) {                                 \
+    biased(v_flip(v_load_lanes((const char *)base, at, size), flips), a, b);                                          \
+  }
+V_VOXELS(u8, 1, 0, v_biased_bytes, v_andi(p, v_seti(255)), v_andi(v_shr(p, 8), v_seti(255)))
+V_VOXELS(i8, 1, 0x80808080, v_biased_bytes, v_sra(v_shl(p, 24), 24), v_sra(v_shl(p, 16), 24))
+V_VOXELS(u16, 2, 0, v_biased_words, v_andi(p, v_seti(0xffff)), v_shr(p, 16))
+V_VOXELS(i16, 2, 0x80008000, v_biased_words, v_sra(v_shl(p, 16), 16), v_sra(p, 16))
+/* The bias cancels exactly in differences. */
+#define V_BIAS_U8 0x1p23f
+#define V_BIAS_I8 (0x1p23f + 128)
+#define V_BIAS_U16 0x1p23f
+#define V_BIAS_I16 (0x1p23f + 32768)
