@@ -150,16 +150,45 @@ static bool holds(const pick *p, const double to[3], const double axis[3], doubl
   return q <= (double)g->core * whole;
 }
 
+static bool kept_by_planes(const pick *p, const double at[3]) {
+  const tc_splat_args *g = &p->frame.args;
+  for (int i = 0; i < g->n_planes; i++)
+    if (dot3(g->planes[i], at) + g->planes[i][3] < 0) return false;
+  return true;
+}
+
+/* Whether planes leave the voxel and cut off a neighbour. */
+static bool is_laid_open(const pick *p, const int voxel[3]) {
+  bool whole = true;
+  for (int i = 0; i < 6; i++) {
+    double at[3] = {voxel[0], voxel[1], voxel[2]};
+    at[i / 2] += i % 2 ? 1 : -1;
+    whole = whole && kept_by_planes(p, at);
+  }
+  return !whole && kept_by_planes(p, (double[]){voxel[0], voxel[1], voxel[2]});
+}
+
+/* Whether planes leave what the ray meets of the voxel: of a surface, `out` along the axis from it, a part (find_cuts() of
+ * tile_tmpl.h). to: from where the ray starts to the voxel. */
+static bool is_left(const pick *p, const int voxel[3], const double to[3], bool shaped, const double axis[3], double out) {
+  const double facing = dot3(axis, p->along);
+  if (!p->frame.args.n_planes) return true;
+  if (!shaped || fabs(facing) < 0.1 * length3(p->along)) return kept_by_planes(p, (double[]){voxel[0], voxel[1], voxel[2]});
+  double at[3];
+  for (int k = 0; k < 3; k++) at[k] = p->at[k] + (dot3(axis, to) + out) / facing * p->along[k];
+  return kept_by_planes(p, at) || is_laid_open(p, voxel);
+}
+
 /* Whether the voxel is drawn and its core holds the pixel's middle. *value: the voxel's; *t: distance of its drawn position,
  * mm. */
 static bool meets(const pick *p, const int voxel[3], double *t, double *value) {
   const tc_splat_args *g = &p->frame.args;
   double axis[3] = {0}, flat = 1, move[2] = {0}, from[3], to[3], deep = 0, deeper = 0, near = 0;
   if (!filled_at(p, voxel, value)) return false;
-  for (int i = 0; i < g->n_planes; i++)
-    if (dot3(g->planes[i], (double[]){voxel[0], voxel[1], voxel[2]}) + g->planes[i][3] < 0) return false;
   for (int k = 0; k < 3; k++) from[k] = voxel[k] - p->at[k];
-  if (shape_of(p, voxel, axis, &flat, move)) flat = core_of(p, g->perspective ? from : p->along, axis, flat);
+  const bool shaped = shape_of(p, voxel, axis, &flat, move);
+  if (shaped) flat = core_of(p, g->perspective ? from : p->along, axis, flat);
+  if (!is_left(p, voxel, from, shaped, axis, move[1])) return false;
   for (int k = 0; k < 3; k++) {
     to[k] = from[k] + move[0] * axis[k];
     near += (double)g->axis[2][k] * to[k];

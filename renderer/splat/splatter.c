@@ -207,8 +207,9 @@ static bool set_clipped(const drawing *d, tc_splat_entry *e) {
       middle += p[k] * (e->brick.at[k] * TC_SPLAT_BRICK + 7.5);
       half += fabs(p[k]) * 7.5;
     }
-    e->clipped |= middle - half < 1e-3;
-    if (middle + half < 0) return false;
+    const double beyond = (double)d->args.beyond * length3(p);
+    e->clipped |= middle - half < beyond + 1e-3;
+    if (middle + half < -beyond) return false;
   }
   return true;
 }
@@ -544,6 +545,7 @@ static void set_up(drawing *d) {
   }
   set_view(d);
   set_kernel(d);
+  if (d->args.opaque) d->args.beyond = (float)(sqrt((double)d->args.radius2) * tc_splat_longest(&d->args)) + d->args.move;
   if (!d->args.opaque) set_blur(d);
   set_light(d);
 }

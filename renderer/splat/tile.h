@@ -47,6 +47,7 @@ typedef struct tc_splat_args {
   float touch;               /* radius of the core, voxels */
   const double (*planes)[4]; /* index coordinates */
   int n_planes;
+  float beyond; /* opaque: voxels that far beyond a plane are drawn, and cut by it pixel by pixel; translucent: 0 */
   float color[3]; /* where matter.of is NULL */
   tc_splat_matter matter;
   /* Translucent: index coordinates of a step of 1 mm along view x, y, z; what a splat's table is multiplied by. */
@@ -64,7 +65,7 @@ typedef struct tc_splat_entry {
   float at[3];         /* view space, its voxel 0 */
   float eye[3];        /* index coordinates, from its voxel 0 */
   uint8_t seen, mixed; /* faces that all of its voxels show to the eye; or each its own */
-  uint8_t clipped;     /* a plane passes through it */
+  uint8_t clipped;     /* a plane may cut its splats */
 } tc_splat_entry;
 
 typedef struct tc_splat_tile {

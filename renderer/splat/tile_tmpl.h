@@ -6,6 +6,8 @@
  *
  * Sums are of whole numbers, so that neither the order of splats nor the number of threads changes a bit. */
 #pragma GCC diagnostic ignored "-Wunused-function" /* light is all that is taken of the ray caster's text */
+#include "renderer/base/vector.h"
+#include "renderer/raycast/clip.h"
 #include "renderer/raycast/cpu/packet_tmpl.h"
 
 #include "renderer/raycast/cpu/field_tmpl.h"
@@ -51,14 +53,23 @@ V_INLINE vi seen_faces(const tc_splat_entry *e, const vf d[3]) {
   return seen;
 }
 
-V_INLINE vm kept_by_planes(const tc_splat_args *g, const tc_splat_entry *e, const vf d[3], vm alive) {
+V_INLINE vf along_plane(const double p[4], const vf d[3]) {
+  return v_fma(d[2], v_set((float)p[2]), v_fma(d[1], v_set((float)p[1]), d[0] * v_set((float)p[0])));
+}
+
+/* What is kept of plane i has along_plane() + this >= 0. */
+V_INLINE float plane_start(const tc_splat_args *g, const tc_splat_entry *e, int i) {
+  const double *p = g->planes[i];
   const int *at = e->brick.at;
+  return (float)(p[3] + TC_SPLAT_BRICK * (p[0] * at[0] + p[1] * at[1] + p[2] * at[2]));
+}
+
+V_INLINE float plane_beyond(const tc_splat_args *g, int i) { return g->beyond * (float)length3(g->planes[i]); }
+
+V_INLINE vm kept_by_planes(const tc_splat_args *g, const tc_splat_entry *e, const vf d[3], vm alive) {
   for (int i = 0; i < g->n_planes; i++) {
-    const double *p = g->planes[i];
-    float start = (float)(p[3] + TC_SPLAT_BRICK * (p[0] * at[0] + p[1] * at[1] + p[2] * at[2]));
-    vf away =
-        v_fma(d[2], v_set((float)p[2]), v_fma(d[1], v_set((float)p[1]), v_fma(d[0], v_set((float)p[0]), v_set(start))));
-    alive = m_and(alive, v_le(v_set(0), away));
+    const vf away = along_plane(g->planes[i], d) + v_set(plane_start(g, e, i));
+    alive = m_and(alive, v_le(v_set(0 - plane_beyond(g, i)), away));
   }
   return alive;
 }
@@ -85,6 +96,8 @@ V_INLINE void unfold(vi word, vf n[3]) {
  * `across` times; its core is `core` times as long there as the ball's. */
 typedef struct shape {
   vf axis[3], along, across, core;
+  vf middle, surface; /* where the kernel is along the axis, from its voxel; and the surface that it touches */
+  vm flat;            /* it lies on a surface, across the axis */
 } shape;
 
 /* Flat cores leave gaps between them where a surface bends within a voxel. A core that faces the eye is therefore as thick
@@ -134,7 +147,8 @@ V_INLINE shape shape_of(const tc_splat_args *g, const uint8_t *insets, vi word, 
     const vf way = v_fma(s.axis[2], v_set(m[2]), v_fma(s.axis[1], v_set(m[1]), s.axis[0] * v_set(m[0])));
     at[r] = v_fma(way, r < 2 ? middle : surface, at[r]);
   }
-  s.core = core_of(g, eye, &s, m_or(m_andnot(known, thin), m_and(thin, sheet)));
+  s.middle = middle, s.surface = surface, s.flat = m_or(m_andnot(known, thin), m_and(thin, sheet));
+  s.core = core_of(g, eye, &s, s.flat);
   return s;
 }
 
@@ -253,6 +267,63 @@ V_INLINE bool project(const tc_splat_args *g, const tc_splat_entry *e, const tc_
   return out->alive != 0;
 }
 
+/* Where planes cut the splats of a batch: a pixel dx, dy from splat i's place is kept if at + x dx + y dy >= 0 for each. */
+typedef struct cuts {
+  int n;
+  float at[TC_MAX_CLIP_PLANES][V_LANES], x[TC_MAX_CLIP_PLANES][V_LANES], y[TC_MAX_CLIP_PLANES][V_LANES];
+} cuts;
+
+V_INLINE void cross_of(const vf a[3], const vf b[3], vf to[3]) {
+  for (int k = 0; k < 3; k++) to[k] = v_fnma(a[(k + 2) % 3], b[(k + 1) % 3], a[(k + 1) % 3] * b[(k + 2) % 3]);
+}
+
+/* Of surfaces their tangent planes are cut; of what is seen edge-on, or lies on no surface, a plane across the view. Only bricks
+ * that a plane meets need this: the splats are placed anew. */
+V_INLINE void find_cuts(const tc_splat_args *g, const tc_splat_entry *e, const tc_splat_tile *t, uint32_t first, cuts *to) {
+  const vi word = v_bits(v_load((const float *)(const void *)(e->of->words + first)));
+  const vf zero = v_set(0), eye[3] = {v_set(e->eye[0]), v_set(e->eye[1]), v_set(e->eye[2])};
+  vf d[3] = {v_float(nibble(word, 0)), v_float(nibble(word, 4)), v_float(nibble(word, 8))}, shift = zero;
+  vf at[3] = {along(g, 0, d, e->at[0]), along(g, 1, d, e->at[1]), along(g, 2, d, e->at[2])};
+  vf jx[3], jy[3], normal[3], area[3], across_x[3], across_y[3], facing = zero, square = zero;
+  shape own = {.flat = v_lt(zero, zero)};
+  if (has_shapes(g)) {
+    const vf from[3] = {eye[0] - d[0], eye[1] - d[1], eye[2] - d[2]};
+    own = shape_of(g, e->of->insets + first, word, from, at);
+    for (int k = 0; k < 3; k++) d[k] = v_fma(own.axis[k], own.surface, d[k]);
+    shift = own.surface - own.middle;
+  }
+  const sight s = sight_of(g, t, at);
+  for (int k = 0; k < 3; k++) { /* pixels by index coordinates */
+    jx[k] = v_fnma(s.u, v_set(g->axis[2][k]), v_set(g->axis[0][k])) * s.scale;
+    jy[k] = v_fnma(s.v, v_set(g->axis[2][k]), v_set(g->axis[1][k])) * s.scale;
+  }
+  cross_of(jx, jy, area);
+  for (int k = 0; k < 3 && has_shapes(g); k++)
+    facing = v_fma(own.axis[k], area[k], facing), square = v_fma(area[k], area[k], square);
+  const vm tangent = m_and(own.flat, v_lt(square * v_set(0.01f), facing * facing));
+  for (int k = 0; k < 3; k++)
+    normal[k] = has_shapes(g) ? v_select(tangent, own.axis[k], v_set(g->axis[2][k])) : v_set(g->axis[2][k]);
+  const vf inverse = v_set(1) / v_fma(normal[2], area[2], v_fma(normal[1], area[1], normal[0] * area[0]));
+  cross_of(jy, normal, across_x), cross_of(normal, jx, across_y);
+  vf dx = zero, dy = zero; /* from the splat's place to where the surface's point is seen */
+  for (int k = 0; k < 3 && has_shapes(g); k++)
+    dx = v_fma(jx[k], own.axis[k] * shift, dx), dy = v_fma(jy[k], own.axis[k] * shift, dy);
+  to->n = g->n_planes;
+  for (int i = 0; i < g->n_planes; i++) {
+    const vf x = along_plane(g->planes[i], across_x) * inverse, y = along_plane(g->planes[i], across_y) * inverse;
+    const vf away = along_plane(g->planes[i], d) + v_set(plane_start(g, e, i));
+    v_store(to->at[i], v_fnma(x, dx, v_fnma(y, dy, away))), v_store(to->x[i], x), v_store(to->y[i], y);
+  }
+}
+
+/* Pixels of `in` that no plane cuts off splat i. cut: NULL if no plane meets its brick. */
+V_INLINE vm not_cut(const cuts *cut, int i, vf dx, vf dy, vm in) {
+  if (!cut) return in;
+  for (int k = 0; k < cut->n; k++)
+    in = m_and(in, v_le(v_set(0), v_fma(dy, v_set(cut->y[k][i]), v_fma(dx, v_set(cut->x[k][i]), v_set(cut->at[k][i])))));
+  return in;
+}
+
 typedef struct reach {
   int x0, y0, x1, y1;
 } reach;
@@ -318,7 +389,8 @@ V_INLINE bool leaves(const tc_splat_args *g, uint32_t batches, tc_splat_tile *t)
 V_INLINE uint32_t batches_of(const tc_splat_entry *e) { return (e->brick.count + V_LANES - 1) / V_LANES; }
 
 /* The cores of lanes `front`. */
-V_INLINE void put_cores(const tc_splat_args *g, const batch *b, const ellipses *cores, unsigned front, tc_splat_tile *t) {
+V_INLINE void put_cores(const tc_splat_args *g, const batch *b, const ellipses *cores, const cuts *cut, unsigned front,
+                        tc_splat_tile *t) {
   float box[4][V_LANES];
   for (unsigned left = front & m_bits(set_box(b, cores, t, g->core_root, box)); left; left &= left - 1) {
     const int i = __builtin_ctz(left);
@@ -332,13 +404,20 @@ V_INLINE void put_cores(const tc_splat_args *g, const batch *b, const ellipses *
       vf dy = first_dy(b, i, r.y0);
       for (int y = r.y0; y <= r.y1; y++, p += TC_TILE_STRIDE, dy = dy + v_set(1)) {
         const vf before = v_load(p);
-        const vm nearer = m_and(v_lt(distances(&c, dy), v_set(g->core)), v_lt(z, before));
+        const vm nearer = not_cut(cut, i, c.dx, dy, m_and(v_lt(distances(&c, dy), v_set(g->core)), v_lt(z, before)));
         v_store(p, v_select(nearer, z, before));
         changed = m_or(changed, nearer);
       }
     }
     if (g->culling && m_any(changed)) tc_tile_touch(t, r.x0, r.y0, r.x1, r.y1);
   }
+}
+
+/* Apart: what most bricks need stays small. */
+V_ONCE void put_cut_cores(const tc_splat_args *g, const batch *b, const ellipses *cores, unsigned front, tc_splat_tile *t) {
+  cuts cut;
+  find_cuts(g, b->entry, t, b->first, &cut);
+  put_cores(g, b, cores, &cut, front, t);
 }
 
 static void put_depths(const tc_splat_args *g, const tc_splat_entry *e, tc_splat_tile *t) {
@@ -353,7 +432,9 @@ static void put_depths(const tc_splat_args *g, const tc_splat_entry *e, tc_splat
     if (!project(g, e, t, e->brick.first + V_LANES * i, b, &cores)) continue;
     b->alive = shown(g, b, t, &front);
     t->n_kept += t->keeps && b->alive;
-    put_cores(g, b, has_shapes(g) ? &cores : &b->kernel, front, t);
+    const ellipses *const of = has_shapes(g) ? &cores : &b->kernel;
+    if (e->clipped) put_cut_cores(g, b, of, front, t);
+    else put_cores(g, b, of, NULL, front, t);
   }
 }
 
@@ -460,7 +541,7 @@ V_INLINE void add_weighted(const tc_splat_args *g, const matter *m, vi weight, v
 }
 
 /* With culling, attributes are looked up once a pixel shows the splat. */
-V_INLINE void add_footprint(const tc_splat_args *g, const batch *b, int i, const facing *f, tc_splat_tile *t) {
+V_INLINE void add_footprint(const tc_splat_args *g, const batch *b, int i, const facing *f, const cuts *cut, tc_splat_tile *t) {
   const reach r = reach_of(b->box, i);
   const vf z = v_set(b->z[i] - g->window_mm), inverse = v_set(1 / g->window_mm), middle = v_set(b->z[i]) * inverse,
            open = v_set(g->open);
@@ -474,7 +555,7 @@ V_INLINE void add_footprint(const tc_splat_args *g, const batch *b, int i, const
       const vf before = v_load(t->depth + p), apart = v_fnma(before, inverse, middle), square = apart * apart;
       vf q = distances(&c, dy);
       q = v_select(v_le(v_set(INFINITY), before), q * open, v_fma(square, square, q));
-      const vm seen = m_and(v_lt(q, v_set(1)), v_lt(z, before));
+      const vm seen = not_cut(cut, i, c.dx, dy, m_and(v_lt(q, v_set(1)), v_lt(z, before)));
       if (g->culling && !m_any(seen)) continue;
       if (!looked) look_up(g, b, i, f, &m), looked = true, t->drawn++;
       q = v_select(seen, v_max(q, v_set(0)), v_set(1));
@@ -483,12 +564,19 @@ V_INLINE void add_footprint(const tc_splat_args *g, const batch *b, int i, const
   }
 }
 
+V_ONCE void color_cut(const tc_splat_args *g, const batch *b, unsigned left, const facing *f, tc_splat_tile *t) {
+  cuts cut;
+  find_cuts(g, b->entry, t, b->first, &cut);
+  for (; left; left &= left - 1) add_footprint(g, b, __builtin_ctz(left), f, &cut, t);
+}
+
 /* Lanes `left`. */
 static void color(const tc_splat_args *g, const batch *b, unsigned left, tc_splat_tile *t) {
   facing f;
   if (!left) return;
   face(g, b, t, &f);
-  for (; left; left &= left - 1) add_footprint(g, b, __builtin_ctz(left), &f, t);
+  if (b->entry->clipped) color_cut(g, b, left, &f, t);
+  else for (; left; left &= left - 1) add_footprint(g, b, __builtin_ctz(left), &f, NULL, t);
 }
 
 #define AHEAD 4 /* batches between fetching voxels' values into the cache and their use; a power of two */

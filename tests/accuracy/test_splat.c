@@ -554,6 +554,37 @@ TEST(a_cut_shows_a_solid_face) {
   }
 }
 
+/* Seen along the plane, the cut is a straight line: neither stairs of voxels nor what of kernels lies beyond. */
+TEST(a_cut_ends_at_its_plane) {
+  g_auto(object) o = object_of(&cube, blob, ball);
+  g_auto(drawing) d = {0};
+  tc_scene scene;
+  for (int i = 0; i < 4; i++) {
+    look(&scene, &o, 7 + 2 * i, 4);
+    double *p = scene.clip.planes[0], to_eye[3], over = 0, under = 0;
+    for (int k = 0; k < 3; k++) to_eye[k] = scene.camera.position[k] - scene.camera.target[k];
+    const double mm = length3(to_eye), some[3] = {0.3 + 0.2 * i, -0.5, 0.7}; /* not along an axis */
+    for (int k = 0; k < 3; k++) p[k] = some[(k + 1) % 3] * to_eye[(k + 2) % 3] - some[(k + 2) % 3] * to_eye[(k + 1) % 3];
+    normalise3(p);
+    p[3] = -dot3(p, scene.camera.target);
+    scene.clip.n_planes = 1;
+    draw_now(&o, &scene, (wish){0}, &d);
+    tc_rays rays;
+    tc_rays_set_up(&rays, o.volume, &scene, SIDE, SIDE);
+    for (int y = 0; y < SIDE; y++)
+      for (int x = 0; x < SIDE; x++) {
+        double way[3];
+        for (int k = 0; k < 3; k++) way[k] = rays.view0[k] + (x + 0.5) * rays.view_du[k] + (y + 0.5) * rays.view_dv[k];
+        const double kept = dot3(way, p) / length3(way) * mm; /* mm, where the ball is; a voxel is one */
+        if (d.frame.linear[4 * (y * SIDE + x) + 3] > 0.5f) over = fmax(over, -kept);
+        else under = fmax(under, kept);
+      }
+    print_message("view %d: %.2f voxels beyond the plane, %.2f missing before it\n", i, over, under);
+    assert_true(over < 0.3 && under < 0.3);
+    tc_scene_clear(&scene);
+  }
+}
+
 /* ---- interruption ---- */
 
 TEST(paused_pictures_end_the_same) {

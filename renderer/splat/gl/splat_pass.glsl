@@ -10,7 +10,9 @@ layout(location = 4) uniform int rows;         // of the tile, to each work-grou
 layout(location = 5) uniform uint first_inset;
 layout(location = 3) uniform uvec2 sheet;      // PASS 4: four times the axis; a voxel's place along it in its brick
 
-struct Footprint { vec2 at; float z; vec3 q; vec2 reach; float own; uint word, inset, look; };
+// cut: a plane may cut it; then origin is the point that is seen at its place, index coordinates from the brick's voxel 0, and
+// cut_x and cut_y are the steps on the surface that a pixel is.
+struct Footprint { vec2 at; float z; vec3 q; vec2 reach; float own; uint word, inset, look; bool cut; vec3 origin, cut_x, cut_y; };
 
 uint seen_faces(Entry e, vec3 d) {
   uint seen = 0u;
@@ -20,9 +22,10 @@ uint seen_faces(Entry e, vec3 d) {
   return seen;
 }
 
-bool kept(Entry e, vec3 d) {
+// beyond: voxels that a point may lie beyond a plane.
+bool kept(Entry e, vec3 d, float beyond) {
   for (int i = 0; i < splat.n_planes; i++)
-    if (fma(d.z, splat.planes[i].z, fma(d.y, splat.planes[i].y, fma(d.x, splat.planes[i].x, e.starts[i / 4][i % 4]))) < 0.0)
+    if (fma(d.z, splat.planes[i].z, fma(d.y, splat.planes[i].y, d.x * splat.planes[i].x)) + e.starts[i / 4][i % 4] < -beyond * length(splat.planes[i].xyz))
       return false;
   return true;
 }
@@ -46,7 +49,7 @@ const uint SHEET = 0u, END = 2u, DOT = 3u; // tc_splat_thin
 bool is_thin(uint word) { return (word >> 12 & word >> 13 & 0x15u) != 0u; }
 
 // shape_of(), core_of() and stretch() of tile_tmpl.h; eye: from the voxel, index coordinates.
-struct Shape { vec3 axis; float along, across; };
+struct Shape { vec3 axis; float along, across, middle, surface; bool on_surface; };
 
 float core_of(Shape s, vec3 eye) {
   float thick = clamp((abs(dot(eye, s.axis)) / length(eye) - ASLANT) / ASLANT, 0.0, 1.0);
@@ -55,7 +58,8 @@ float core_of(Shape s, vec3 eye) {
 
 Shape shape_of(uint word, uint stored, vec3 eye, inout vec3 at) {
   vec3 n = unfolded(word);
-  Shape s = Shape(normalize(vec3(dot(splat.covariant[0].xyz, n), dot(splat.covariant[1].xyz, n), dot(splat.covariant[2].xyz, n))), 1.0, 1.0);
+  Shape s = Shape(normalize(vec3(dot(splat.covariant[0].xyz, n), dot(splat.covariant[1].xyz, n), dot(splat.covariant[2].xyz, n))), 1.0, 1.0,
+                  0.0, 0.0, is_thin(word) && stored >> 6 == SHEET);
   if (stored == 0u)
     return s;
   vec3 way = vec3(dot(splat.axis[0].xyz, s.axis), dot(splat.axis[1].xyz, s.axis), dot(splat.axis[2].xyz, s.axis));
@@ -66,11 +70,11 @@ Shape shape_of(uint word, uint stored, vec3 eye, inout vec3 at) {
     along = what == SHEET || what == DOT ? thick : what == END ? (on + splat.touch) * (0.5 / splat.touch) : LONG;
     across = what == SHEET ? 1.0 : what == END ? float(stored >> 3 & 7u) * 0.1 + 0.3 : thick;
     if (what == END)
-      at.xy += way.xy * ((on - splat.touch) * 0.5 * splat.move);
+      s.middle = (on - splat.touch) * 0.5 * splat.move;
   } else {
-    float middle = surface - FLAT * splat.touch * splat.move;
-    at += way * vec3(middle, middle, surface);
+    s.middle = surface - FLAT * splat.touch * splat.move, s.surface = surface, s.on_surface = true;
   }
+  at += way * vec3(s.middle, s.middle, s.surface);
   s.along = fma(along - 1.0, splat.move, 1.0), s.across = fma(across - 1.0, splat.move, 1.0);
 #if PASS == 1
   if (!is_thin(word) || what == SHEET)
@@ -81,18 +85,29 @@ Shape shape_of(uint word, uint stored, vec3 eye, inout vec3 at) {
 
 vec3 stretched(Shape s, vec3 row) { return fma(vec3((s.along - s.across) * dot(row, s.axis)), s.axis, row * s.across); }
 
+// find_cuts() of tile_tmpl.h.
+void set_cut(Shape own, vec3 d, vec3 jx, vec3 jy, inout Footprint f) {
+  vec3 area = cross(jx, jy), normal = splat.axis[2].xyz;
+  float facing = dot(own.axis, area);
+  if (own.on_surface && dot(area, area) * 0.01 < facing * facing)
+    normal = own.axis;
+  float inverse = 1.0 / dot(normal, area), shift = own.surface - own.middle;
+  f.cut_x = cross(jy, normal) * inverse, f.cut_y = cross(normal, jx) * inverse;
+  f.origin = d + own.axis * own.surface - f.cut_x * (dot(jx, own.axis) * shift) - f.cut_y * (dot(jy, own.axis) * shift);
+}
+
 // False: it is not seen, or does not meet the tile.
 bool project(Entry e, uint word, uint stored, out Footprint f) {
   vec3 d = vec3(word & 15u, word >> 4 & 15u, word >> 8 & 15u);
   uint faces = word >> 12 & 63u & ((e.words.z & 256u) != 0u ? seen_faces(e, d) : e.words.z);
   vec3 at = vec3(along(0, d, e.at.x), along(1, d, e.at.y), along(2, d, e.at.z));
-  Shape own = Shape(vec3(0.0), 1.0, 1.0);
+  Shape own = Shape(vec3(0.0), 1.0, 1.0, 0.0, 0.0, false);
   if (PASS != 4 && splat.move > 0.0)
     own = shape_of(word, stored, e.eye.xyz - d, at);
   float x = at.x, y = at.y, u = 0.0, v = 0.0, scale = splat.scale;
-  f.word = word, f.inset = stored;
+  f.word = word, f.inset = stored, f.cut = (e.words.z & 512u) != 0u;
   f.z = at.z;
-  if ((PASS != 4 && faces == 0u) || !(splat.near_mm < f.z) || ((e.words.z & 512u) != 0u && !kept(e, d)))
+  if ((PASS != 4 && faces == 0u) || !(splat.near_mm < f.z) || (f.cut && !kept(e, d, PASS != 4 ? fma(sqrt(splat.radius2), fma(LONG - 1.0, splat.move, 1.0), splat.move) : 0.0)))
     return false;
   if (splat.perspective != 0) {
     float inverse = 1.0 / f.z;
@@ -103,6 +118,10 @@ bool project(Entry e, uint word, uint stored, out Footprint f) {
   }
   f.at = vec2(x, y) + (0.5 * splat.size - vec2(tile.xy));
   vec3 jx = splat.axis[0].xyz - u * splat.axis[2].xyz, jy = splat.axis[1].xyz - v * splat.axis[2].xyz;
+#if PASS != 4
+  if (f.cut)
+    set_cut(own, d, jx * scale, jy * scale, f);
+#endif
   jx = stretched(own, jx), jy = stretched(own, jy);
   vec3 across = cross(jx, jy);
   scale = scale * scale * splat.radius2;
@@ -116,6 +135,11 @@ bool project(Entry e, uint word, uint stored, out Footprint f) {
   f.reach *= splat.core_root;
 #endif
   return all(greaterThan(f.at + f.reach, vec2(0.0))) && all(lessThan(f.at - f.reach, vec2(tile.zw)));
+}
+
+bool is_cut(Entry e, Footprint f, vec2 p) {
+  vec2 d = p + 0.5 - f.at;
+  return f.cut && !kept(e, f.origin + f.cut_x * d.x + f.cut_y * d.y, 0.0);
 }
 
 float distance_at(Footprint f, vec2 p) {
@@ -152,10 +176,10 @@ int weight_at(float q) {
 }
 
 #if PASS == 1
-void put(Footprint f, ivec2 from, ivec2 to) {
+void put(Entry e, Footprint f, ivec2 from, ivec2 to) {
   for (int y = from.y; y <= to.y; y++)
     for (int x = from.x; x <= to.x; x++)
-      if (distance_at(f, vec2(x, y)) < splat.core)
+      if (distance_at(f, vec2(x, y)) < splat.core && !is_cut(e, f, vec2(x, y)))
         atomicMin(nearest[y * tile.z + x], ordered(f.z));
 }
 #elif PASS == 4
@@ -171,7 +195,7 @@ float mass_of(Footprint f) {
   return splat.mass * sqrt(along / square) * sqrt(f.own);
 }
 
-void put(Footprint f, ivec2 from, ivec2 to) {
+void put(Entry e, Footprint f, ivec2 from, ivec2 to) {
   vec4 look = vec4(table[f.look & 0xffffu].rgb, table[f.look >> 16].a);
   if (any(lessThan(to, from)) || !(look.a > 0.0))
     return;
@@ -231,7 +255,7 @@ vec3 round_normal(Rounding r, vec2 d) {
   return r.across * (s / sqrt(max(square, 1.0))) + sqrt(max(1.0 - square, 0.0)) * r.front;
 }
 
-void put(Footprint f, ivec2 from, ivec2 to) {
+void put(Entry e, Footprint f, ivec2 from, ivec2 to) {
   float z = f.z - splat.window_mm;
   if (any(lessThan(to, from)) || (splat.culling != 0 && hidden(z, from, to)))
     return;
@@ -247,7 +271,7 @@ void put(Footprint f, ivec2 from, ivec2 to) {
       int at = y * tile.z + x, sum = at * splat.stride;
       float apart = (f.z - depth_of(nearest[at])) / splat.window_mm;
       q = nearest[at] == FAR ? q * splat.open : q + apart * apart * apart * apart;
-      if (!(q < 1.0) || !(z < depth_of(nearest[at])))
+      if (!(q < 1.0) || !(z < depth_of(nearest[at])) || is_cut(e, f, vec2(x, y)))
         continue;
       int weight = weight_at(q);
       if (rounded)
@@ -273,6 +297,6 @@ void main() {
     vec2 r = f.reach;
     ivec2 from = ivec2(max(f.at - r + 0.5, vec2(0.0))), to = ivec2(floor(min(f.at + r - 0.5, vec2(tile.zw - 1))));
     int first = int(gl_WorkGroupID.y) * rows;
-    put(f, ivec2(from.x, max(from.y, first)), ivec2(to.x, min(to.y, first + rows - 1)));
+    put(e, f, ivec2(from.x, max(from.y, first)), ivec2(to.x, min(to.y, first + rows - 1)));
   }
 }
