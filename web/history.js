@@ -24,11 +24,12 @@ export function difference(from, to) {
   return patch;
 }
 
-/** Names of the members that a patch sets. */
+/** Names of the members that a patch sets; a list with its length, since each item added or removed is an edit of its own. */
 const members = (patch, path = '') =>
-  Object.entries(patch).flatMap(([name, value]) =>
-    isObject(value) && name !== 'transferFunction' ? members(value, `${path}${name}.`) : `${path}${name}`,
-  );
+  Object.entries(patch).flatMap(([name, value]) => {
+    if (isObject(value) && name !== 'transferFunction') return members(value, `${path}${name}.`);
+    return Array.isArray(value) ? `${path}${name}[${value.length}]` : `${path}${name}`;
+  });
 
 export class History {
   #store;

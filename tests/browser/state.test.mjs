@@ -106,6 +106,19 @@ test('history: a gesture is one step, an edit alone another; a new one forgets t
   assert.equal(history.canRedo, false);
 });
 
+test('history: each item added to a list is a step, however soon after the one before', () => {
+  const store = new SceneStore();
+  store.replace({ list: [1] });
+  const history = new History(store);
+  store.patch({ list: [1, 2] });
+  store.patch({ list: [1, 2, 3] });
+  store.patch({ list: [1, 2, 4] }); // a value of the same item: extends the step
+  history.undo();
+  assert.deepEqual(store.scene.list, [1, 2]);
+  history.undo();
+  assert.deepEqual(store.scene.list, [1]);
+});
+
 test('history: what was refused, and an empty gesture, are no steps; the past is bounded', () => {
   const store = new SceneStore();
   store.replace({ a: 0, list: [1] });
