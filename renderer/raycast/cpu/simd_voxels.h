@@ -1,6 +1,6 @@
 /* Integer voxels of the vector vocabulary, for instruction sets of several lanes: one load fetches a voxel and its right
- * neighbour, and reads up to 3 bytes beyond them. Loads, because the cost of a gather differs more than tenfold between
- * processors and nowhere beats them by much. Included by a simd_*.h after v_place; v_load_lanes, 32 bits from p + size times
+ * neighbour, and reads up to 3 bytes beyond them. Loads instead of gathers, whose cost differs more than tenfold between
+ * processors and their microcodes. Included by a simd_*.h after v_place; v_load_lanes, 32 bits from p + size times
  * each lane's offset on; and v_biased_bytes and v_biased_words, which put the two lowest elements of each lane, unsigned, into
  * the mantissa of 2^23. */
 V_INLINE vi v_bytes(const uint8_t *base, vi off) {

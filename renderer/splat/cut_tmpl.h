@@ -1,0 +1,59 @@
+/* Clip planes, pixel by pixel: a part of tile_tmpl.h. A kernel reaches over a plane that its voxel lies beside, and voxels just
+ * beyond a plane reach before it; cut at the plane, their surfaces end in a line instead of stairs of voxels. */
+
+/* Where planes cut the splats of a batch: a pixel dx, dy from splat i's place is kept if at + x dx + y dy >= 0 for each. */
+typedef struct cuts {
+  int n;
+  float at[TC_MAX_CLIP_PLANES][V_LANES], x[TC_MAX_CLIP_PLANES][V_LANES], y[TC_MAX_CLIP_PLANES][V_LANES];
+} cuts;
+
+V_INLINE void cross_of(const vf a[3], const vf b[3], vf to[3]) {
+  for (int k = 0; k < 3; k++) to[k] = v_fnma(a[(k + 2) % 3], b[(k + 1) % 3], a[(k + 1) % 3] * b[(k + 2) % 3]);
+}
+
+/* Of surfaces their tangent planes are cut; of what is seen edge-on, or lies on no surface, a plane across the view. Only bricks
+ * that a plane meets need this: the splats are placed anew. */
+V_INLINE void find_cuts(const tc_splat_args *g, const tc_splat_entry *e, const tc_splat_tile *t, uint32_t first, cuts *to) {
+  const vi word = v_bits(v_load((const float *)(const void *)(e->of->words + first)));
+  const vf zero = v_set(0), eye[3] = {v_set(e->eye[0]), v_set(e->eye[1]), v_set(e->eye[2])};
+  vf d[3] = {v_float(nibble(word, 0)), v_float(nibble(word, 4)), v_float(nibble(word, 8))}, shift = zero;
+  vf at[3] = {along(g, 0, d, e->at[0]), along(g, 1, d, e->at[1]), along(g, 2, d, e->at[2])};
+  vf jx[3], jy[3], normal[3], area[3], across_x[3], across_y[3], facing = zero, square = zero;
+  shape own = {.flat = v_lt(zero, zero)};
+  if (has_shapes(g)) {
+    const vf from[3] = {eye[0] - d[0], eye[1] - d[1], eye[2] - d[2]};
+    own = shape_of(g, e->of->insets + first, word, from, at);
+    for (int k = 0; k < 3; k++) d[k] = v_fma(own.axis[k], own.surface, d[k]);
+    shift = own.surface - own.middle;
+  }
+  const sight s = sight_of(g, t, at);
+  for (int k = 0; k < 3; k++) { /* pixels by index coordinates */
+    jx[k] = v_fnma(s.u, v_set(g->axis[2][k]), v_set(g->axis[0][k])) * s.scale;
+    jy[k] = v_fnma(s.v, v_set(g->axis[2][k]), v_set(g->axis[1][k])) * s.scale;
+  }
+  cross_of(jx, jy, area);
+  for (int k = 0; k < 3 && has_shapes(g); k++)
+    facing = v_fma(own.axis[k], area[k], facing), square = v_fma(area[k], area[k], square);
+  const vm tangent = m_and(own.flat, v_lt(square * v_set(0.01f), facing * facing));
+  for (int k = 0; k < 3; k++)
+    normal[k] = has_shapes(g) ? v_select(tangent, own.axis[k], v_set(g->axis[2][k])) : v_set(g->axis[2][k]);
+  const vf inverse = v_set(1) / v_fma(normal[2], area[2], v_fma(normal[1], area[1], normal[0] * area[0]));
+  cross_of(jy, normal, across_x), cross_of(normal, jx, across_y);
+  vf dx = zero, dy = zero; /* from the splat's place to where the surface's point is seen */
+  for (int k = 0; k < 3 && has_shapes(g); k++)
+    dx = v_fma(jx[k], own.axis[k] * shift, dx), dy = v_fma(jy[k], own.axis[k] * shift, dy);
+  to->n = g->n_planes;
+  for (int i = 0; i < g->n_planes; i++) {
+    const vf x = along_plane(g->planes[i], across_x) * inverse, y = along_plane(g->planes[i], across_y) * inverse;
+    const vf away = along_plane(g->planes[i], d) + v_set(plane_start(g, e, i));
+    v_store(to->at[i], v_fnma(x, dx, v_fnma(y, dy, away))), v_store(to->x[i], x), v_store(to->y[i], y);
+  }
+}
+
+/* Pixels of `in` that no plane cuts off splat i. cut: NULL if no plane meets its brick. */
+V_INLINE vm not_cut(const cuts *cut, int i, vf dx, vf dy, vm in) {
+  if (!cut) return in;
+  for (int k = 0; k < cut->n; k++)
+    in = m_and(in, v_le(v_set(0), v_fma(dy, v_set(cut->y[k][i]), v_fma(dx, v_set(cut->x[k][i]), v_set(cut->at[k][i])))));
+  return in;
+}
