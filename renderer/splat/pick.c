@@ -168,12 +168,12 @@ static bool is_laid_open(const pick *p, const int voxel[3]) {
   return !whole && kept_by_planes(p, (double[]){voxel[0], voxel[1], voxel[2]});
 }
 
-/* Whether planes leave what the ray meets of the voxel: of a surface, `out` along the axis from it, a part (find_cuts() of
- * tile_tmpl.h). to: from where the ray starts to the voxel. */
+/* Whether planes leave what the ray meets of the voxel: of a surface that faces the eye, `out` along the axis from it, a part
+ * (cut_tmpl.h). to: from where the ray starts to the voxel. */
 static bool is_left(const pick *p, const int voxel[3], const double to[3], bool shaped, const double axis[3], double out) {
   const double facing = dot3(axis, p->along);
   if (!p->frame.args.n_planes) return true;
-  if (!shaped || fabs(facing) < 0.1 * length3(p->along)) return kept_by_planes(p, (double[]){voxel[0], voxel[1], voxel[2]});
+  if (!shaped || facing > -0.1 * length3(p->along)) return kept_by_planes(p, (double[]){voxel[0], voxel[1], voxel[2]});
   double at[3];
   for (int k = 0; k < 3; k++) at[k] = p->at[k] + (dot3(axis, to) + out) / facing * p->along[k];
   return kept_by_planes(p, at) || is_laid_open(p, voxel);

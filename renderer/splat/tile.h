@@ -47,7 +47,7 @@ typedef struct tc_splat_args {
   float touch;               /* radius of the core, voxels */
   const double (*planes)[4]; /* index coordinates */
   int n_planes;
-  float beyond; /* opaque: voxels that far beyond a plane are drawn, and cut by it pixel by pixel; translucent: 0 */
+  float beyond; /* opaque: voxels of a surface that far beyond a plane are drawn, cut by it pixel by pixel; translucent: 0 */
   float color[3]; /* where matter.of is NULL */
   tc_splat_matter matter;
   /* Translucent: index coordinates of a step of 1 mm along view x, y, z; what a splat's table is multiplied by. */

@@ -64,12 +64,11 @@ V_INLINE float plane_start(const tc_splat_args *g, const tc_splat_entry *e, int 
   return (float)(p[3] + TC_SPLAT_BRICK * (p[0] * at[0] + p[1] * at[1] + p[2] * at[2]));
 }
 
-V_INLINE float plane_beyond(const tc_splat_args *g, int i) { return g->beyond * (float)length3(g->planes[i]); }
-
-V_INLINE vm kept_by_planes(const tc_splat_args *g, const tc_splat_entry *e, const vf d[3], vm alive) {
+/* beyond: voxels that a place may lie beyond a plane. */
+V_INLINE vm kept_by_planes(const tc_splat_args *g, const tc_splat_entry *e, const vf d[3], vf beyond, vm alive) {
   for (int i = 0; i < g->n_planes; i++) {
     const vf away = along_plane(g->planes[i], d) + v_set(plane_start(g, e, i));
-    alive = m_and(alive, v_le(v_set(0 - plane_beyond(g, i)), away));
+    alive = m_and(alive, v_le(v_set(0) - beyond * v_set((float)length3(g->planes[i])), away));
   }
   return alive;
 }
@@ -97,7 +96,8 @@ V_INLINE void unfold(vi word, vf n[3]) {
 typedef struct shape {
   vf axis[3], along, across, core;
   vf middle, surface; /* where the kernel is along the axis, from its voxel; and the surface that it touches */
-  vm flat;            /* it lies on a surface, across the axis */
+  vm flat;            /* it lies on a surface, across the axis; */
+  vm front;           /* and that surface's outside is seen */
 } shape;
 
 /* Flat cores leave gaps between them where a surface bends within a voxel. A core that faces the eye is therefore as thick
@@ -148,6 +148,7 @@ V_INLINE shape shape_of(const tc_splat_args *g, const uint8_t *insets, vi word, 
     at[r] = v_fma(way, r < 2 ? middle : surface, at[r]);
   }
   s.middle = middle, s.surface = surface, s.flat = m_or(m_andnot(known, thin), m_and(thin, sheet));
+  s.front = m_and(s.flat, v_lt(zero, v_fma(eye[2], s.axis[2], v_fma(eye[1], s.axis[1], eye[0] * s.axis[0]))));
   s.core = core_of(g, eye, &s, s.flat);
   return s;
 }
@@ -244,7 +245,10 @@ V_INLINE bool project(const tc_splat_args *g, const tc_splat_entry *e, const tc_
   }
   const vm inside = m_and(lanes, v_lt(v_set(g->near_mm), at[2]));
   vm alive = m_and(inside, facing);
-  if (e->clipped) alive = kept_by_planes(g, e, d, alive);
+  if (e->clipped) { /* a surface seen from behind hid nothing of the whole object, and hides nothing of the cut */
+    const vf none = v_set(0);
+    alive = kept_by_planes(g, e, d, shaped ? v_select(own.front, v_set(g->beyond), none) : none, alive);
+  }
   if (g->culling && !m_any(alive)) return false;
   vf jx[3], jy[3];
   for (int k = 0; k < 3; k++) {

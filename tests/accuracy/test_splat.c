@@ -554,6 +554,39 @@ TEST(a_cut_shows_a_solid_face) {
   }
 }
 
+/* The walls of what is cut away, seen from behind, hide none of the face. */
+TEST(nothing_stands_before_a_cut) {
+  g_auto(object) o = object_of(&cube, blob, ball);
+  g_auto(drawing) d = {0};
+  tc_scene scene;
+  for (int i = 0; i < 4; i++) {
+    look(&scene, &o, 7 + 2 * i, 1.5);
+    double *p = scene.clip.planes[0], side[3], nearer = 0;
+    for (int k = 0; k < 3; k++) side[k] = scene.camera.position[k] - scene.camera.target[k];
+    const double mm = length3(side) + 6; /* to the face, six voxels behind the middle: there the ball's walls face away */
+    normalise3(side);
+    for (int k = 0; k < 3; k++) p[k] = -side[k];
+    p[3] = dot3(side, scene.camera.target) - 6;
+    scene.clip.n_planes = 1;
+    draw_now(&o, &scene, (wish){0}, &d);
+    tc_rays rays;
+    tc_rays_set_up(&rays, o.volume, &scene, SIDE, SIDE);
+    int seen = 0;
+    for (int y = 0; y < SIDE; y++)
+      for (int x = 0; x < SIDE; x++) {
+        double way[3];
+        for (int k = 0; k < 3; k++) way[k] = rays.view0[k] + (x + 0.5) * rays.view_du[k] + (y + 0.5) * rays.view_dv[k];
+        const double ahead = -dot3(way, side) / length3(way), far = mm / ahead;
+        if (far * sqrt(1 - fmin(ahead * ahead, 1)) > 13.3) continue; /* the face's radius is 13.7 */
+        nearer = fmax(nearer, far - (double)d.frame.depth[y * SIDE + x]);
+        seen++;
+      }
+    print_message("view %d: %d pixels, up to %.2f voxels before the face\n", i, seen, nearer);
+    assert_true(seen > 1000 && nearer < 0.5);
+    tc_scene_clear(&scene);
+  }
+}
+
 /* Seen along the plane, the cut is a straight line: neither stairs of voxels nor what of kernels lies beyond. */
 TEST(a_cut_ends_at_its_plane) {
   g_auto(object) o = object_of(&cube, blob, ball);

@@ -49,7 +49,7 @@ const uint SHEET = 0u, END = 2u, DOT = 3u; // tc_splat_thin
 bool is_thin(uint word) { return (word >> 12 & word >> 13 & 0x15u) != 0u; }
 
 // shape_of(), core_of() and stretch() of tile_tmpl.h; eye: from the voxel, index coordinates.
-struct Shape { vec3 axis; float along, across, middle, surface; bool on_surface; };
+struct Shape { vec3 axis; float along, across, middle, surface; bool on_surface, front; };
 
 float core_of(Shape s, vec3 eye) {
   float thick = clamp((abs(dot(eye, s.axis)) / length(eye) - ASLANT) / ASLANT, 0.0, 1.0);
@@ -59,7 +59,7 @@ float core_of(Shape s, vec3 eye) {
 Shape shape_of(uint word, uint stored, vec3 eye, inout vec3 at) {
   vec3 n = unfolded(word);
   Shape s = Shape(normalize(vec3(dot(splat.covariant[0].xyz, n), dot(splat.covariant[1].xyz, n), dot(splat.covariant[2].xyz, n))), 1.0, 1.0,
-                  0.0, 0.0, is_thin(word) && stored >> 6 == SHEET);
+                  0.0, 0.0, is_thin(word) && stored >> 6 == SHEET, false);
   if (stored == 0u)
     return s;
   vec3 way = vec3(dot(splat.axis[0].xyz, s.axis), dot(splat.axis[1].xyz, s.axis), dot(splat.axis[2].xyz, s.axis));
@@ -75,6 +75,7 @@ Shape shape_of(uint word, uint stored, vec3 eye, inout vec3 at) {
     s.middle = surface - FLAT * splat.touch * splat.move, s.surface = surface, s.on_surface = true;
   }
   at += way * vec3(s.middle, s.middle, s.surface);
+  s.front = s.on_surface && dot(eye, s.axis) > 0.0;
   s.along = fma(along - 1.0, splat.move, 1.0), s.across = fma(across - 1.0, splat.move, 1.0);
 #if PASS == 1
   if (!is_thin(word) || what == SHEET)
@@ -101,13 +102,13 @@ bool project(Entry e, uint word, uint stored, out Footprint f) {
   vec3 d = vec3(word & 15u, word >> 4 & 15u, word >> 8 & 15u);
   uint faces = word >> 12 & 63u & ((e.words.z & 256u) != 0u ? seen_faces(e, d) : e.words.z);
   vec3 at = vec3(along(0, d, e.at.x), along(1, d, e.at.y), along(2, d, e.at.z));
-  Shape own = Shape(vec3(0.0), 1.0, 1.0, 0.0, 0.0, false);
+  Shape own = Shape(vec3(0.0), 1.0, 1.0, 0.0, 0.0, false, false);
   if (PASS != 4 && splat.move > 0.0)
     own = shape_of(word, stored, e.eye.xyz - d, at);
   float x = at.x, y = at.y, u = 0.0, v = 0.0, scale = splat.scale;
   f.word = word, f.inset = stored, f.cut = (e.words.z & 512u) != 0u;
   f.z = at.z;
-  if ((PASS != 4 && faces == 0u) || !(splat.near_mm < f.z) || (f.cut && !kept(e, d, PASS != 4 ? fma(sqrt(splat.radius2), fma(LONG - 1.0, splat.move, 1.0), splat.move) : 0.0)))
+  if ((PASS != 4 && faces == 0u) || !(splat.near_mm < f.z) || (f.cut && !kept(e, d, own.front ? fma(sqrt(splat.radius2), fma(LONG - 1.0, splat.move, 1.0), splat.move) : 0.0)))
     return false;
   if (splat.perspective != 0) {
     float inverse = 1.0 / f.z;
