@@ -554,36 +554,45 @@ TEST(a_cut_shows_a_solid_face) {
   }
 }
 
+/* Keeps what lies on the normal's side of the plane that passes the camera's target at `mm` along it. */
+static void cut_along(tc_scene *scene, const double normal[3], double mm) {
+  double *p = scene->clip.planes[0];
+  memcpy(p, normal, 3 * sizeof *p);
+  normalise3(p);
+  p[3] = -dot3(p, scene->camera.target) - mm;
+  scene->clip.n_planes = 1;
+}
+
+/* Unit vector of a pixel's ray in perspective. */
+static void ray_of(const tc_rays *rays, int x, int y, double way[3]) {
+  for (int k = 0; k < 3; k++) way[k] = rays->view0[k] + (x + 0.5) * rays->view_du[k] + (y + 0.5) * rays->view_dv[k];
+  normalise3(way);
+}
+
 /* The walls of what is cut away, seen from behind, hide none of the face. */
 TEST(nothing_stands_before_a_cut) {
   g_auto(object) o = object_of(&cube, blob, ball);
   g_auto(drawing) d = {0};
-  tc_scene scene;
   for (int i = 0; i < 4; i++) {
+    g_auto(tc_scene) scene;
     look(&scene, &o, 7 + 2 * i, 1.5);
-    double *p = scene.clip.planes[0], side[3], nearer = 0;
-    for (int k = 0; k < 3; k++) side[k] = scene.camera.position[k] - scene.camera.target[k];
-    const double mm = length3(side) + 6; /* to the face, six voxels behind the middle: there the ball's walls face away */
-    normalise3(side);
-    for (int k = 0; k < 3; k++) p[k] = -side[k];
-    p[3] = dot3(side, scene.camera.target) - 6;
-    scene.clip.n_planes = 1;
+    double ahead[3], way[3], nearer = 0;
+    for (int k = 0; k < 3; k++) ahead[k] = scene.camera.target[k] - scene.camera.position[k];
+    const double mm = length3(ahead) + 6; /* to the face, six voxels behind the middle: there the ball's walls face away */
+    cut_along(&scene, ahead, 6);
     draw_now(&o, &scene, (wish){0}, &d);
     tc_rays rays;
     tc_rays_set_up(&rays, o.volume, &scene, SIDE, SIDE);
     int seen = 0;
-    for (int y = 0; y < SIDE; y++)
-      for (int x = 0; x < SIDE; x++) {
-        double way[3];
-        for (int k = 0; k < 3; k++) way[k] = rays.view0[k] + (x + 0.5) * rays.view_du[k] + (y + 0.5) * rays.view_dv[k];
-        const double ahead = -dot3(way, side) / length3(way), far = mm / ahead;
-        if (far * sqrt(1 - fmin(ahead * ahead, 1)) > 13.3) continue; /* the face's radius is 13.7 */
-        nearer = fmax(nearer, far - (double)d.frame.depth[y * SIDE + x]);
-        seen++;
-      }
+    for (int p = 0; p < SIDE * SIDE; p++) {
+      ray_of(&rays, p % SIDE, p / SIDE, way);
+      const double cosine = dot3(way, scene.clip.planes[0]), far = mm / cosine;
+      if (far * sqrt(1 - fmin(cosine * cosine, 1)) > 13.3) continue; /* the face's radius is 13.7 */
+      nearer = fmax(nearer, far - (double)d.frame.depth[p]);
+      seen++;
+    }
     print_message("view %d: %d pixels, up to %.2f voxels before the face\n", i, seen, nearer);
     assert_true(seen > 1000 && nearer < 0.5);
-    tc_scene_clear(&scene);
   }
 }
 
@@ -591,30 +600,25 @@ TEST(nothing_stands_before_a_cut) {
 TEST(a_cut_ends_at_its_plane) {
   g_auto(object) o = object_of(&cube, blob, ball);
   g_auto(drawing) d = {0};
-  tc_scene scene;
   for (int i = 0; i < 4; i++) {
+    g_auto(tc_scene) scene;
     look(&scene, &o, 7 + 2 * i, 4);
-    double *p = scene.clip.planes[0], to_eye[3], over = 0, under = 0;
-    for (int k = 0; k < 3; k++) to_eye[k] = scene.camera.position[k] - scene.camera.target[k];
-    const double mm = length3(to_eye), some[3] = {0.3 + 0.2 * i, -0.5, 0.7}; /* not along an axis */
-    for (int k = 0; k < 3; k++) p[k] = some[(k + 1) % 3] * to_eye[(k + 2) % 3] - some[(k + 2) % 3] * to_eye[(k + 1) % 3];
-    normalise3(p);
-    p[3] = -dot3(p, scene.camera.target);
-    scene.clip.n_planes = 1;
+    const double some[3] = {0.3 + 0.2 * i, -0.5, 0.7}; /* not along an axis */
+    double ahead[3], across[3], way[3], over = 0, under = 0;
+    for (int k = 0; k < 3; k++) ahead[k] = scene.camera.target[k] - scene.camera.position[k];
+    for (int k = 0; k < 3; k++) across[k] = some[(k + 1) % 3] * ahead[(k + 2) % 3] - some[(k + 2) % 3] * ahead[(k + 1) % 3];
+    cut_along(&scene, across, 0);
     draw_now(&o, &scene, (wish){0}, &d);
     tc_rays rays;
     tc_rays_set_up(&rays, o.volume, &scene, SIDE, SIDE);
-    for (int y = 0; y < SIDE; y++)
-      for (int x = 0; x < SIDE; x++) {
-        double way[3];
-        for (int k = 0; k < 3; k++) way[k] = rays.view0[k] + (x + 0.5) * rays.view_du[k] + (y + 0.5) * rays.view_dv[k];
-        const double kept = dot3(way, p) / length3(way) * mm; /* mm, where the ball is; a voxel is one */
-        if (d.frame.linear[4 * (y * SIDE + x) + 3] > 0.5f) over = fmax(over, -kept);
-        else under = fmax(under, kept);
-      }
+    for (int p = 0; p < SIDE * SIDE; p++) {
+      ray_of(&rays, p % SIDE, p / SIDE, way);
+      const double kept = dot3(way, scene.clip.planes[0]) * length3(ahead); /* mm, where the ball is; a voxel is one */
+      if (d.frame.linear[4 * p + 3] > 0.5f) over = fmax(over, -kept);
+      else under = fmax(under, kept);
+    }
     print_message("view %d: %.2f voxels beyond the plane, %.2f missing before it\n", i, over, under);
     assert_true(over < 0.3 && under < 0.3);
-    tc_scene_clear(&scene);
   }
 }
 
