@@ -110,23 +110,22 @@ V_INLINE vi v_load_lanes(const char *p, const v_places *at, int size) {
   __m256i high = _mm256_inserti128_si256(_mm256_castsi128_si256(v_load_four(p, at->off + 8, size)), v_load_four(p, at->off + 12, size), 1);
   return _mm512_inserti64x4(_mm512_castsi256_si512(low), high, 1);
 }
+/* The pairs of floats at off[0] and off[1]. */
+V_INLINE __m128 v_two_pairs(const float *p, const int32_t *off) {
+  __m128i first = _mm_loadl_epi64((const __m128i *)(const void *)(p + off[0]));
+  return _mm_loadh_pi(_mm_castsi128_ps(first), (const __m64 *)(const void *)(p + off[1]));
+}
+V_INLINE __m256 v_four_pairs(const float *p, const int32_t *off) { /* of lanes 0, 1 and 4, 5 */
+  return _mm256_insertf128_ps(_mm256_castps128_ps256(v_two_pairs(p, off)), v_two_pairs(p, off + 4), 1);
+}
+V_INLINE __m512 v_eight_pairs(const float *p, const int32_t *off) { /* and of 8, 9 and 12, 13 */
+  const __m256d low = _mm256_castps_pd(v_four_pairs(p, off)), high = _mm256_castps_pd(v_four_pairs(p, off + 8));
+  return _mm512_castpd_ps(_mm512_insertf64x4(_mm512_castpd256_pd512(low), high, 1));
+}
 V_INLINE void v_pair_f32(const void *base, const v_places *at, vf *a, vf *b) {
-  const float *const p = base;
-  __m512d pair[2];
-#pragma GCC unroll 2
-  for (int k = 0; k < 2; k++) { /* lanes 2k, 2k + 1 of each four */
-    __m256d half[2];
-#pragma GCC unroll 2
-    for (int h = 0; h < 2; h++) {
-      const int32_t *const off = at->off + 8 * h + 2 * k;
-      __m128d low = _mm_loadh_pd(_mm_load_sd((const double *)(const void *)(p + off[0])), (const double *)(const void *)(p + off[1]));
-      __m128d high = _mm_loadh_pd(_mm_load_sd((const double *)(const void *)(p + off[4])), (const double *)(const void *)(p + off[5]));
-      half[h] = _mm256_insertf128_pd(_mm256_castpd128_pd256(low), high, 1);
-    }
-    pair[k] = _mm512_insertf64x4(_mm512_castpd256_pd512(half[0]), half[1], 1);
-  }
-  *a = _mm512_shuffle_ps(_mm512_castpd_ps(pair[0]), _mm512_castpd_ps(pair[1]), 0x88);
-  *b = _mm512_shuffle_ps(_mm512_castpd_ps(pair[0]), _mm512_castpd_ps(pair[1]), 0xdd);
+  const __m512 first = v_eight_pairs(base, at->off), next = v_eight_pairs(base, at->off + 2);
+  *a = _mm512_shuffle_ps(first, next, 0x88);
+  *b = _mm512_shuffle_ps(first, next, 0xdd);
 }
 #include "renderer/raycast/cpu/simd_voxels.h"
 
