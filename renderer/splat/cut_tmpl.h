@@ -11,18 +11,18 @@ V_INLINE void cross_of(const vf a[3], const vf b[3], vf to[3]) {
   for (int k = 0; k < 3; k++) to[k] = v_fnma(a[(k + 2) % 3], b[(k + 1) % 3], a[(k + 1) % 3] * b[(k + 2) % 3]);
 }
 
-/* Of surfaces their tangent planes are cut; of what is seen edge-on, or lies on no surface, a plane across the view. Only bricks
- * that a plane meets need this: the splats are placed anew. */
+/* A splat of a surface is cut as its tangent plane is; one that is seen edge-on, or lies on no surface, as a plane across the view.
+ * The splats are projected again, which only bricks near a plane pay for. */
 V_INLINE void find_cuts(const tc_splat_args *g, const tc_splat_entry *e, const tc_splat_tile *t, uint32_t first, cuts *to) {
   const vi word = v_bits(v_load((const float *)(const void *)(e->of->words + first)));
-  const vf zero = v_set(0), eye[3] = {v_set(e->eye[0]), v_set(e->eye[1]), v_set(e->eye[2])};
+  const vf zero = v_set(0);
   vf d[3] = {v_float(nibble(word, 0)), v_float(nibble(word, 4)), v_float(nibble(word, 8))}, shift = zero;
   vf at[3] = {along(g, 0, d, e->at[0]), along(g, 1, d, e->at[1]), along(g, 2, d, e->at[2])};
   vf jx[3], jy[3], normal[3], area[3], across_x[3], across_y[3], facing = zero, square = zero;
-  shape own = {.flat = v_lt(zero, zero)};
+  shape own = {.axis = {zero, zero, zero}, .flat = v_lt(zero, zero)};
   if (has_shapes(g)) {
-    const vf from[3] = {eye[0] - d[0], eye[1] - d[1], eye[2] - d[2]};
-    own = shape_of(g, e->of->insets + first, word, from, at);
+    const vf eye[3] = {v_set(e->eye[0]) - d[0], v_set(e->eye[1]) - d[1], v_set(e->eye[2]) - d[2]};
+    own = shape_of(g, e->of->insets + first, word, eye, at);
     for (int k = 0; k < 3; k++) d[k] = v_fma(own.axis[k], own.surface, d[k]);
     shift = own.surface - own.middle;
   }
@@ -32,15 +32,14 @@ V_INLINE void find_cuts(const tc_splat_args *g, const tc_splat_entry *e, const t
     jy[k] = v_fnma(s.v, v_set(g->axis[2][k]), v_set(g->axis[1][k])) * s.scale;
   }
   cross_of(jx, jy, area);
-  for (int k = 0; k < 3 && has_shapes(g); k++)
+  for (int k = 0; k < 3; k++)
     facing = v_fma(own.axis[k], area[k], facing), square = v_fma(area[k], area[k], square);
   const vm tangent = m_and(own.flat, v_lt(square * v_set(0.01f), facing * facing));
-  for (int k = 0; k < 3; k++)
-    normal[k] = has_shapes(g) ? v_select(tangent, own.axis[k], v_set(g->axis[2][k])) : v_set(g->axis[2][k]);
+  for (int k = 0; k < 3; k++) normal[k] = v_select(tangent, own.axis[k], v_set(g->axis[2][k]));
   const vf inverse = v_set(1) / v_fma(normal[2], area[2], v_fma(normal[1], area[1], normal[0] * area[0]));
   cross_of(jy, normal, across_x), cross_of(normal, jx, across_y);
   vf dx = zero, dy = zero; /* from the splat's place to where the surface's point is seen */
-  for (int k = 0; k < 3 && has_shapes(g); k++)
+  for (int k = 0; k < 3; k++)
     dx = v_fma(jx[k], own.axis[k] * shift, dx), dy = v_fma(jy[k], own.axis[k] * shift, dy);
   to->n = g->n_planes;
   for (int i = 0; i < g->n_planes; i++) {

@@ -7,7 +7,6 @@
  * Sums are of whole numbers, so that neither the order of splats nor the number of threads changes a bit. */
 #pragma GCC diagnostic ignored "-Wunused-function" /* light is all that is taken of the ray caster's text */
 #include "renderer/base/vector.h"
-#include "renderer/raycast/clip.h"
 #include "renderer/raycast/cpu/packet_tmpl.h"
 
 #include "renderer/raycast/cpu/field_tmpl.h"
@@ -57,7 +56,7 @@ V_INLINE vf along_plane(const double p[4], const vf d[3]) {
   return v_fma(d[2], v_set((float)p[2]), v_fma(d[1], v_set((float)p[1]), d[0] * v_set((float)p[0])));
 }
 
-/* What is kept of plane i has along_plane() + this >= 0. */
+/* Places on the kept side of plane i have along_plane() + plane_start() >= 0. */
 V_INLINE float plane_start(const tc_splat_args *g, const tc_splat_entry *e, int i) {
   const double *p = g->planes[i];
   const int *at = e->brick.at;

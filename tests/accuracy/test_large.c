@@ -57,7 +57,7 @@ typedef struct look {
   tc_compositing_order order;
   double slab_mm;
   tc_slab_projection projection;
-  bool near; /* so that packets fit neighbourhoods in registers; the others do not */
+  bool near; /* so that packets fit neighbourhoods in registers; packets of the others do not fit */
 } look;
 
 static const look looks[] = {

@@ -32,6 +32,20 @@ V_INLINE void fetch_row(const tc_cpu_args *args, int type, const taps *x, vi off
   t[3] = v_select(x->last, t[2], t[3]);
 }
 
+/* Whether no lane has a tap beyond a face: then all taps lie at fixed distances from the lanes' cells. */
+V_INLINE bool within_faces(const taps t[3]) {
+  vm beyond = m_or(t[0].first, t[0].last);
+  for (int k = 1; k < 3; k++) beyond = m_or(beyond, m_or(t[k].first, t[k].last));
+  return !m_any(beyond);
+}
+
+/* fetch_row() within faces. cells: offsets of taps 1, 1, 1; further: voxels from there to tap 1 of the row. */
+V_INLINE void load_row(const tc_cpu_args *args, int type, const v_places *cells, ptrdiff_t further, vf t[4]) {
+  const char *const row = (const char *)args->grid.voxels + further * voxel_bytes(type);
+  load_pair(type, row - voxel_bytes(type), cells, &t[0], &t[1]);
+  load_pair(type, row + voxel_bytes(type), cells, &t[2], &t[3]);
+}
+
 typedef struct cubic_weights {
   vf near, far, share; /* lerp weights: tap 0 to 1, tap 2 to 3, and between the two results */
   vf rise[3];          /* weights of the differences of neighbouring taps in the derivative */
@@ -68,13 +82,18 @@ V_INLINE vf cubic(const tc_cpu_args *args, int type, const vf q[3], vf *gradient
     t[k] = taps_at(args, k, q[k]);
     w[k] = weigh(t[k].f);
   }
+  const bool within = within_faces(t);
+  const v_places cells = v_place(cell_offset(args, (vi[]){t[0].at[1], t[1].at[1], t[2].at[1]}));
   for (int k = 0; k < 4; k++) {
     vf row[4], slope[4];
     for (int j = 0; j < 4; j++) {
       vf voxels[4];
-      fetch_row(args, type, &t[0],
-                v_addi(v_muli(t[1].at[j], v_seti(args->grid.row)), v_muli(t[2].at[k], v_seti(args->grid.slice))),
-                voxels);
+      if (within)
+        load_row(args, type, &cells, (j - 1) * (ptrdiff_t)args->grid.row + (k - 1) * (ptrdiff_t)args->grid.slice, voxels);
+      else
+        fetch_row(args, type, &t[0],
+                  v_addi(v_muli(t[1].at[j], v_seti(args->grid.row)), v_muli(t[2].at[k], v_seti(args->grid.slice))),
+                  voxels);
       row[j] = mean4(&w[0], voxels);
       if (gradient) slope[j] = rise4(&w[0], voxels);
     }

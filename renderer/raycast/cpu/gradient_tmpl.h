@@ -154,20 +154,20 @@ V_INLINE vm find_in_parts(const tc_cpu_args *args, int type, const vf q[3], vm n
  * trilinearly: continuous across cells. needs: the lanes whose gradient will be used. */
 #ifdef V_NEAR
 #define CENTRAL(name, type)                                                                                           \
-  V_ONCE void load_central_##name(const tc_cpu_args *args, const vf q[3], vf gradient[3]) {                         \
-    load_central(args, TYPE_##name, q, gradient);                                                                   \
+  V_ONCE void load_central_##name(const tc_cpu_args *args, const vf q[3], vf gradient[3]) {                           \
+    load_central(args, TYPE_##name, q, gradient);                                                                     \
   }                                                                                                                   \
   V_ONCE void central_##name(const tc_cpu_args *args, const vf q[3], vm needs, vf gradient[3]) {                      \
     vf found[3] = {v_set(0), v_set(0), v_set(0)};                                                                     \
     const vm missing = find_in_parts(args, TYPE_##name, q, needs, found);                                             \
-    if (m_any(missing)) load_central_##name(args, q, gradient);                                                     \
+    if (m_any(missing)) load_central_##name(args, q, gradient);                                                       \
     for (int k = 0; k < 3; k++) gradient[k] = v_select(missing, gradient[k], found[k]);                               \
   }
 #else
 #define CENTRAL(name, type)                                                                                           \
   V_ONCE void central_##name(const tc_cpu_args *args, const vf q[3], vm needs, vf gradient[3]) {                      \
     (void)needs;                                                                                                      \
-    load_central(args, TYPE_##name, q, gradient);                                                                   \
+    load_central(args, TYPE_##name, q, gradient);                                                                     \
   }
 #endif
 SIMD_VOXELS(CENTRAL)

@@ -1,5 +1,5 @@
-/* The variants of the cpu back end's kernels: an instruction set, and how voxels are loaded (one by one or by register
- * neighbourhoods). Variants of one instruction set draw the same bits. */
+/* The variants of the cpu back end's kernels: an instruction set, and how voxels are loaded (pair by pair, or as
+ * neighbourhoods in registers). Variants of one instruction set draw the same bits. */
 #ifndef TC_CPU_ISA_H
 #define TC_CPU_ISA_H
 

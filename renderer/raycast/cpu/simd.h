@@ -170,7 +170,7 @@
   SIMD_HAS(vf, v_table, const float *, vi);                                                                           \
   SIMD_HAS(void, v_compact, void *, vm, vf);                                                                          \
   SIMD_HAS(v_places, v_place, vi);                                                                                    \
-  SIMD_HAS(void, v_prefetch, const void *, const v_places *, int);                                                                  \
+  SIMD_HAS(void, v_prefetch, const void *, const v_places *, int);                                                    \
   SIMD_HAS(vf4, v_bilinear, const float *, vi, vi, vf, vf);                                                           \
   _Static_assert(V_PACKET_X * V_PACKET_Y == V_LANES, "a packet's pixels are its lanes")
 

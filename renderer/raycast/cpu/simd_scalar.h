@@ -27,7 +27,7 @@ typedef struct v_places { vi off; } v_places;
 #define SHIFT(name, meaning) V_INLINE vi name(vi a, int n) { return meaning; }
 #define PAIR(name, type)                                                                                              \
   V_INLINE void v_pair_##name(const void *base, const v_places *at, vf *a, vf *b) {                                   \
-    const type *p = (const type *)base + at->off;                                                                         \
+    const type *p = (const type *)base + at->off;                                                                     \
     *a = p[0], *b = p[1];                                                                                             \
   }
 SIMD_UNARY(UNARY)
