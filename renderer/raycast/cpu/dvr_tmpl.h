@@ -63,7 +63,7 @@ V_INLINE void cast_packet(const tc_cpu_args *args, variant v, const place *at, v
   if (v.shaded) light = start_lighting(args, v, at);
   if (phased(v)) p.lag = lag_of(args, v, at);
   const march m = start_march(args, v, &p, !phased(v)); /* a ray's phase shortens the packet's first segment */
-  if (later) start_waiting(&w, &p, &m, &light);
+  if (later) start_waiting(&w, &p, &light);
   if (v.leap) r = start_runs(args, v, &p, at);
   /* A run, too, begins with two rounds that only fetch: they use the neighbourhoods and prefetches of all others. */
   for (int i = v.leap ? 0 : -missing; keep_marching(args, live, counts, i); i++) {
@@ -114,9 +114,10 @@ V_INLINE void cast_packet(const tc_cpu_args *args, variant v, const place *at, v
       if (m_any(visible)) {
         counts->gradients += (uint64_t)m_count(visible);
         unlit *const u = &w.segments[w.n++];
-        u->t = segment_middle_mm(&p, &s), u->c = c, u->weight = weight, u->visible = visible, u->i = i;
+        u->t = segment_middle_mm(&p, &s), u->c = c, u->weight = weight, u->visible = visible;
 #ifdef V_NEAR
-        if (has_slopes(args, v.type)) place_segment(args, v.type, &p, &m, u, &u->to);
+        if (has_slopes(args, v.type)) choose_slopes(args, v.type, &p, &m, i, u);
+        else u->first = -1;
 #endif
         if (w.n == MOST_WAITING) shade_waiting(args, v.type, &w);
       }

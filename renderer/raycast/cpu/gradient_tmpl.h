@@ -1,22 +1,26 @@
 /* Gradients in index coordinates for shading: central differences, and the derivative of the cubic B-spline. The gradient
  * of the trilinear cell comes with the sample (field_tmpl.h). One function per voxel type, called and not inlined. */
 
-/* Central differences between the voxels on either side, twice the derivative, at a cell's corners: [y, z] as in corners.
- * more: how much larger they are at the next corner along x. */
+/* Central differences between the voxels on either side, twice the derivative, interpolated along the edges of a cell that are
+ * parallel to x: [y, z] as in corners. */
 typedef struct slopes {
-  vf at[3][4], more[3][4];
+  vf along[3][4];
 } slopes;
 
-/* The slopes interpolated trilinearly. */
 V_INLINE void interpolate_slopes(const slopes *s, const vf f[3], vf gradient[3]) {
 #pragma GCC unroll 3
   for (int k = 0; k < 3; k++) {
-    vf x[4];
-#pragma GCC unroll 4
-    for (int i = 0; i < 4; i++) x[i] = v_fma(f[0], s->more[k][i], s->at[k][i]);
+    const vf *x = s->along[k];
     vf low = v_fma(f[1], x[1] - x[0], x[0]), high = v_fma(f[1], x[3] - x[2], x[2]);
     gradient[k] = v_fma(f[2], high - low, low);
   }
+}
+
+/* The position along x for interpolating slopes. Those of integers use multiples of 1 / V_SLOPE_SHARES, so that
+ * neighbourhoods can interpolate in integers to the same bits. */
+V_INLINE vf slope_position(int type, vf f) {
+  if (type == TC_F32) return f;
+  return v_float(v_trunc(f * v_set(V_SLOPE_SHARES))) * v_set(1.0f / V_SLOPE_SHARES);
 }
 
 V_INLINE void load_central(const tc_cpu_args *args, int type, const vf q[3], vf gradient[3]) {
@@ -30,24 +34,37 @@ V_INLINE void load_central(const tc_cpu_args *args, int type, const vf q[3], vf 
     twice[k][0] = v_select(t[k].first, v_set(2), v_set(1));
     twice[k][1] = v_select(t[k].last, v_set(2), v_set(1));
   }
+  const bool within = within_faces(t);
+  const v_places cells = v_place(cell_offset(args, (vi[]){t[0].at[1], t[1].at[1], t[2].at[1]}));
 #pragma GCC unroll 4
   for (int z = 0; z < 4; z++)
 #pragma GCC unroll 4
     for (int y = 0; y < 4; y++) {
       const bool near_y = y == 1 || y == 2, near_z = z == 1 || z == 2;
+      const ptrdiff_t further = (y - 1) * (ptrdiff_t)args->grid.row + (z - 1) * (ptrdiff_t)args->grid.slice;
+      if (within && near_y && near_z) {
+        load_row(args, type, &cells, further, v[z][y]);
+        continue;
+      }
+      if (within && (near_y || near_z)) {
+        load_pair(type, (const char *)args->grid.voxels + further * voxel_bytes(type), &cells, &v[z][y][1], &v[z][y][2]);
+        continue;
+      }
       const vi off = v_addi(v_muli(t[1].at[y], v_seti(args->grid.row)), v_muli(t[2].at[z], v_seti(args->grid.slice)));
       if (near_y && near_z) fetch_row(args, type, &t[0], off, v[z][y]);
       else if (near_y || near_z) fetch_pair(type, args->grid.voxels, v_addi(off, t[0].at[1]), &v[z][y][1], &v[z][y][2]);
     }
+  const vf x = slope_position(type, f[0]);
 #pragma GCC unroll 4
   for (int i = 0; i < 4; i++) {
     const int y = 1 + (i & 1), z = 1 + (i >> 1);
-    s.at[0][i] = (v[z][y][2] - v[z][y][0]) * twice[0][0];
-    s.more[0][i] = (v[z][y][3] - v[z][y][1]) * twice[0][1] - s.at[0][i];
-    s.at[1][i] = (v[z][y + 1][1] - v[z][y - 1][1]) * twice[1][y - 1];
-    s.more[1][i] = (v[z][y + 1][2] - v[z][y - 1][2]) * twice[1][y - 1] - s.at[1][i];
-    s.at[2][i] = (v[z + 1][y][1] - v[z - 1][y][1]) * twice[2][z - 1];
-    s.more[2][i] = (v[z + 1][y][2] - v[z - 1][y][2]) * twice[2][z - 1] - s.at[2][i];
+    const vf slope[3][2] = {
+        {(v[z][y][2] - v[z][y][0]) * twice[0][0], (v[z][y][3] - v[z][y][1]) * twice[0][1]},
+        {(v[z][y + 1][1] - v[z][y - 1][1]) * twice[1][y - 1], (v[z][y + 1][2] - v[z][y - 1][2]) * twice[1][y - 1]},
+        {(v[z + 1][y][1] - v[z - 1][y][1]) * twice[2][z - 1], (v[z + 1][y][2] - v[z - 1][y][2]) * twice[2][z - 1]},
+    };
+#pragma GCC unroll 3
+    for (int k = 0; k < 3; k++) s.along[k][i] = v_fma(x, slope[k][1] - slope[k][0], slope[k][0]);
   }
   interpolate_slopes(&s, f, gradient);
 }
@@ -86,12 +103,12 @@ V_INLINE vm slope_places(int type, const int base[3], const vi cell[3], vi *at) 
 }
 
 #define NEAR_SLOPES(name, voxel)                                                                                      \
-  V_INLINE void near_slopes_##name(const tc_cpu_args *args, ptrdiff_t first, vi at, slopes *s) {                      \
+  V_INLINE void near_slopes_##name(const tc_cpu_args *args, ptrdiff_t first, vi at, vf f, slopes *s) {                \
     const v_slopes_##name n =                                                                                         \
         v_slopes_load_##name((const voxel *)args->grid.voxels + first, args->grid.row, args->grid.slice);             \
     _Pragma("GCC unroll 4") for (int i = 0; i < 4; i++)                                                               \
       _Pragma("GCC unroll 3") for (int k = 0; k < 3; k++)                                                             \
-        v_slope_pair_##name(&n, k, at, i & 1, i >> 1, &s->at[k][i], &s->more[k][i]);                                  \
+        s->along[k][i] = v_slope_##name(&n, k, at, i & 1, i >> 1, f);                                                 \
   }
 SIMD_VOXELS(NEAR_SLOPES)
 
@@ -100,13 +117,15 @@ SIMD_VOXELS(NEAR_SLOPES)
 V_INLINE void near_central(const tc_cpu_args *args, int type, ptrdiff_t first, vi at, const vf f[3], vf gradient[3]) {
   slopes s;
   switch (type) { /* a constant after inlining */
-  case TC_U8: near_slopes_u8(args, first, at, &s); break;
-  case TC_I8: near_slopes_i8(args, first, at, &s); break;
-  case TC_U16: near_slopes_u16(args, first, at, &s); break;
-  case TC_I16: near_slopes_i16(args, first, at, &s); break;
-  default: near_slopes_f32(args, first, at, &s); break;
+  case TC_U8: near_slopes_u8(args, first, at, f[0], &s); break;
+  case TC_I8: near_slopes_i8(args, first, at, f[0], &s); break;
+  case TC_U16: near_slopes_u16(args, first, at, f[0], &s); break;
+  case TC_I16: near_slopes_i16(args, first, at, f[0], &s); break;
+  default: near_slopes_f32(args, first, at, f[0], &s); break;
   }
   interpolate_slopes(&s, f, gradient);
+  if (type != TC_F32)
+    for (int k = 0; k < 3; k++) gradient[k] = gradient[k] * v_set(1.0f / V_SLOPE_SHARES);
 }
 
 /* The least position along each axis of the lanes in `needs`. */

@@ -4,75 +4,81 @@
 
 #define MOST_WAITING 16
 
-/* Where a segment's cells lie in a neighbourhood. */
-typedef struct placed {
-  ptrdiff_t first; /* offset of the neighbourhood's lowest cell; negative: they do not fit one */
-  vi at;           /* element numbers of the lanes' cells */
-  vf f[3];         /* positions within the cells; later twice the gradient */
-} placed;
-
 /* A classified segment of a packet. */
 typedef struct unlit {
   vf t;       /* its middle, mm along the rays */
   vf4 c;      /* colour and opacity */
   vf weight;  /* of the colour in the rays' sums */
   vm visible; /* the lanes that need a gradient */
-  int i;      /* its step */
-  placed to;
+#ifdef V_NEAR
+  int base[3];     /* the lowest cell of the neighbourhood that probably holds the lanes' slopes */
+  ptrdiff_t first; /* its offset; negative: there is none */
+#endif
 } unlit;
 
 /* With copies of what the march has: the address of the march's own would force its variables into memory. */
 typedef struct waiting {
   vf entry[3], dir[3]; /* as in packet */
-  march m;
   lighting light;
   vf sum[3]; /* of the shaded segments' colours */
   int n;
   unlit segments[MOST_WAITING];
 } waiting;
 
-V_INLINE void start_waiting(waiting *w, const packet *p, const march *m, const lighting *l) {
+V_INLINE void start_waiting(waiting *w, const packet *p, const lighting *l) {
   for (int k = 0; k < 3; k++) w->entry[k] = p->entry[k], w->dir[k] = p->dir[k], w->sum[k] = v_set(0);
-  w->m = *m, w->light = *l, w->n = 0;
+  w->light = *l, w->n = 0;
 }
 
 #ifdef V_NEAR
-V_INLINE void place_segment(const tc_cpu_args *args, int type, const packet *w, const march *m, const unlit *s, placed *to) {
-  vf q[3];
-  vi cell[3];
+/* Chooses the neighbourhood of a segment at step i, and prefetches the rows around those that the march loads. */
+V_INLINE void choose_slopes(const tc_cpu_args *args, int type, const packet *p, const march *m, int i, unlit *s) {
+  const ptrdiff_t bytes = voxel_bytes(type), row = bytes * args->grid.row, slice = bytes * args->grid.slice;
   float least[3];
-  int base[3];
 #pragma GCC unroll 3
-  for (int k = 0; k < 3; k++) { /* not clamped: positions beyond the volume do not fit */
-    q[k] = v_fma(s->t, w->dir[k], w->entry[k]);
-    cell[k] = v_trunc(q[k]);
-    to->f[k] = q[k] - v_float(cell[k]);
-    least[k] = m->lo[k] + ((float)s->i + 0.5f) * m->rise[k];
+  for (int k = 0; k < 3; k++) least[k] = m->lo[k] + ((float)i + 0.5f) * m->rise[k];
+  if (!m->near) {
+    vf q[3];
+    for (int k = 0; k < 3; k++) q[k] = v_fma(s->t, p->dir[k], p->entry[k]);
+    least_of(q, s->visible, least);
   }
-  if (!m->near) least_of(q, s->visible, least);
-  to->first = first_slopes(args, type, least, base);
-  if (m_any(m_andnot(s->visible, slope_places(type, base, cell, &to->at)))) to->first = -1;
+  s->first = first_slopes(args, type, least, s->base);
+  if (s->first < 0) return;
+  const char *const at = (const char *)args->grid.voxels + s->first * bytes;
+#pragma GCC unroll 4
+  for (int n = 0; n < 4; n++) {
+    __builtin_prefetch(at + n * row - slice);
+    __builtin_prefetch(at + n * row + 4 * slice);
+    __builtin_prefetch(at + n * slice - row);
+    __builtin_prefetch(at + n * slice + 4 * row);
+  }
 }
 #endif
 
-/* Twice the gradients of the waiting segments, in to[].f. In two rounds, so that the loads of one segment do not wait for
- * the addresses of the next. */
-V_INLINE void find_gradients(const tc_cpu_args *args, int type, waiting *w) {
-#ifdef V_NEAR
-  const bool near = has_slopes(args, type);
-#endif
-  for (int k = 0; k < w->n; k++) {
+/* Twice the gradients of the waiting segments. */
+V_INLINE void find_gradients(const tc_cpu_args *args, int type, const waiting *w, vf gradients[][3]) {
+  for (int n = 0; n < w->n; n++) {
+    const unlit *const s = &w->segments[n];
     vf q[3];
+#pragma GCC unroll 3
+    for (int k = 0; k < 3; k++) q[k] = v_fma(s->t, w->dir[k], w->entry[k]);
 #ifdef V_NEAR
-    if (__builtin_expect(near && w->segments[k].to.first >= 0, 1)) {
-      for (int e = 0; e < 3; e++) q[e] = w->segments[k].to.f[e];
-      near_central(args, type, w->segments[k].to.first, w->segments[k].to.at, q, w->segments[k].to.f);
-      continue;
+    if (__builtin_expect(s->first >= 0, 1)) {
+      vi cell[3], at;
+      vf f[3];
+#pragma GCC unroll 3
+      for (int k = 0; k < 3; k++) { /* not clamped: positions beyond the volume do not fit */
+        cell[k] = v_trunc(q[k]);
+        f[k] = q[k] - v_float(cell[k]);
+      }
+      if (__builtin_expect(!m_any(m_andnot(s->visible, slope_places(type, s->base, cell, &at))), 1)) {
+        near_central(args, type, s->first, at, f, gradients[n]);
+        continue;
+      }
     }
 #endif
-    for (int e = 0; e < 3; e++)
-      q[e] = v_min(v_max(v_fma(w->segments[k].t, w->dir[e], w->entry[e]), v_set(0)), v_set(args->grid.last[e]));
-    central_of(args, type, q, w->segments[k].visible, w->segments[k].to.f);
+    for (int k = 0; k < 3; k++) q[k] = v_min(v_max(q[k], v_set(0)), v_set(args->grid.last[k]));
+    central_of(args, type, q, s->visible, gradients[n]);
   }
 }
 
@@ -80,8 +86,9 @@ V_INLINE void find_gradients(const tc_cpu_args *args, int type, waiting *w) {
  * a chain: the processor then works at several segments at once. */
 V_INLINE void shade_segments(const tc_cpu_args *args, int type, waiting *w) {
   facet facets[MOST_WAITING];
-  find_gradients(args, type, w);
-  for (int k = 0; k < w->n; k++) facets[k] = facet_of(&args->shade, &w->light, w->segments[k].to.f);
+  vf gradients[MOST_WAITING][3];
+  find_gradients(args, type, w, gradients);
+  for (int k = 0; k < w->n; k++) facets[k] = facet_of(&args->shade, &w->light, gradients[k]);
   vf sum[3] = {w->sum[0], w->sum[1], w->sum[2]};
   for (int k = 0; k < w->n; k++) {
     const unlit *const s = &w->segments[k];

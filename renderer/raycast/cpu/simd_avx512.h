@@ -300,29 +300,29 @@ V_INLINE v_slopes_f32 v_slopes_load_f32(const void *voxels, ptrdiff_t row, ptrdi
   return n;
 }
 
-V_INLINE void v_slope_pair_words(const v_slope_words *n, int k, vi at, int y, int z, vf *slope, vf *more) {
+V_INLINE vf v_slope_words_at(const v_slope_words *n, int k, vi at, int y, int z, vf f) {
+  const vi upper = v_trunc(f * v_set(V_SLOPE_SHARES)), lower = v_subi(v_seti(V_SLOPE_SHARES), upper);
   vi both = v_addi(v_near_both(at), v_seti((8 * y + (k > 0)) * 0x10001));
   vi words = _mm512_permutex2var_epi16(n->along[k][z], both, n->along[k][z + 1]);
   words = _mm512_mask_permutexvar_epi16(words, _mm512_test_epi16_mask(both, v_seti(0x00400040)), both, n->along[k][z + 2]);
-  *slope = v_float(_mm512_madd_epi16(words, v_seti(1)));
-  *more = v_float(_mm512_madd_epi16(words, v_seti(0x0001ffff))); /* the upper word less the lower */
+  return v_float(_mm512_madd_epi16(words, v_ori(lower, v_shl(upper, 16))));
 }
 #define V_SLOPES(name, type)                                                                                          \
   V_INLINE v_slopes_##name v_slopes_load_##name(const void *p, ptrdiff_t row, ptrdiff_t slice) {                      \
     const ptrdiff_t bytes = sizeof(type);                                                                             \
     return v_slope_words_load((const char *)p, (int)bytes, (type)-1 < 0, bytes * row, bytes * slice);                 \
   }                                                                                                                   \
-  V_INLINE void v_slope_pair_##name(const v_slopes_##name *n, int k, vi at, int y, int z, vf *slope, vf *more) {      \
-    v_slope_pair_words(n, k, at, y, z, slope, more);                                                                  \
+  V_INLINE vf v_slope_##name(const v_slopes_##name *n, int k, vi at, int y, int z, vf f) {                            \
+    return v_slope_words_at(n, k, at, y, z, f);                                                                       \
   }
 V_SLOPES(u8, uint8_t)
 V_SLOPES(i8, int8_t)
 V_SLOPES(u16, uint16_t)
 V_SLOPES(i16, int16_t)
-V_INLINE void v_slope_pair_f32(const v_slopes_f32 *n, int k, vi at, int y, int z, vf *slope, vf *more) {
-  vf next;
-  v_near_pair_f32(&n->along[k], at, 4 * y + 16 * z, slope, &next);
-  *more = next - *slope;
+V_INLINE vf v_slope_f32(const v_slopes_f32 *n, int k, vi at, int y, int z, vf f) {
+  vf slope, next;
+  v_near_pair_f32(&n->along[k], at, 4 * y + 16 * z, &slope, &next);
+  return v_fma(f, next - slope, slope);
 }
 
 /* One load fetches two neighbouring entries (32 bytes). Group g holds lanes g, 4+g, 8+g and 12+g, one entry per
