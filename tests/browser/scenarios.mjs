@@ -1,9 +1,10 @@
 // What must work against any server: run with the fake one and with the daemon.
 import assert from 'node:assert/strict';
-import { after, before } from 'node:test';
+import { after, afterEach, before, beforeEach } from 'node:test';
 
 import { launch } from './chromium.mjs';
 import { startDaemon } from './daemon.mjs';
+import { FakeServer } from './fake_server.mjs';
 import { difference, drag, settled, spread, stageBox, stageData } from './picture.mjs';
 
 const CHANGED = 1.5; // mean difference of a thumbnail that nobody would call the same picture
@@ -35,6 +36,19 @@ export function serve(volumes, id, take, options) {
     await made.daemon?.stop();
     assert.deepEqual(made.page?.complaints ?? [], []);
   });
+}
+
+/** A browser for the tests of a suite, and for each of them a fake server. take({browser, server, url}) */
+export function serveFake(take) {
+  let browser;
+  let server;
+  before(async () => (browser = await launch()));
+  after(() => browser?.close());
+  beforeEach(async () => {
+    server = new FakeServer();
+    take({ browser, server, url: `${await server.start()}#ball` });
+  });
+  afterEach(() => server.stop());
 }
 
 export async function orbitChangesThePicture(browser, url) {
