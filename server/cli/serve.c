@@ -325,7 +325,20 @@ typedef struct serve_options {
   gboolean insecure_no_auth;
 } serve_options;
 
-static bool configure(tcs_daemon *d, const serve_options *options, GError **error) {
+/* Adds a volume that was given without an ID. The ID is neutral, because everybody sees it and a file's name may name a patient. */
+static bool add_volume(tcs_config *config, const char *path, int number, GError **error) {
+  const char *demo = g_str_has_prefix(path, "demo:") ? path + strlen("demo:") : NULL;
+  if (!demo && !g_file_test(path, G_FILE_TEST_EXISTS)) {
+    tc_set_error(error, TC_ERROR_IO, NULL, "%s: no such file or folder; see tomocast serve --help", path);
+    return false;
+  }
+  char *text = demo ? g_strdup_printf("%s=%s", demo, path) : g_strdup_printf("volume-%d=%s", number, path);
+  const bool added = tcs_config_volume(config, text, error);
+  g_free(text);
+  return added;
+}
+
+static bool configure(tcs_daemon *d, const serve_options *options, char *const *paths, GError **error) {
   tcs_config *config = &d->config;
   if (options->config && !tcs_config_read(config, options->config, error)) return false;
   if (options->listen && !tcs_config_listen(&config->listen, "--listen", options->listen, error)) return false;
@@ -335,6 +348,8 @@ static bool configure(tcs_daemon *d, const serve_options *options, GError **erro
   if (options->backend && !tcs_config_backend(config, options->backend, error)) return false;
   for (char **volume = options->volumes; volume && *volume; volume++)
     if (!tcs_config_volume(config, *volume, error)) return false;
+  for (int i = 0; paths && paths[i]; i++)
+    if (!add_volume(config, paths[i], i + 1, error)) return false;
   for (char **host = options->hosts; host && *host; host++) g_ptr_array_add(config->hosts, g_strdup(*host));
   for (char **link = options->links; link && *link; link++) g_ptr_array_add(config->link_roots, g_strdup(*link));
   if (!tc_links_set((const char *const *)config->link_roots->pdata, config->link_roots->len, error)) return false;
@@ -380,8 +395,8 @@ tcs_daemon *tcs_daemon_open(int argc, char **argv, int *code) {
        "address that serves GET /metrics without a token; elsewhere it needs the role admin", "ADDR:PORT"},
       {"data", 0, 0, G_OPTION_ARG_FILENAME, &options.data, "folder whose volumes clients may load", "DIR"},
       {"backend", 0, 0, G_OPTION_ARG_STRING, &options.backend, "auto, cpu or gl", "NAME"},
-      {"volume", 0, 0, G_OPTION_ARG_FILENAME_ARRAY, &options.volumes, "a volume to load at once; may be repeated",
-       "ID=PATH"},
+      {"volume", 0, 0, G_OPTION_ARG_FILENAME_ARRAY, &options.volumes,
+       "a volume to load at once, under an ID for the page and the API; may be repeated", "ID=PATH"},
       {"log", 0, 0, G_OPTION_ARG_FILENAME, &options.log, "file that the log is appended to; stderr without it", "FILE"},
       {"link-root", 0, 0, G_OPTION_ARG_FILENAME_ARRAY, &options.links,
        "folder that symbolic links of the data folder may point into (DataLad, git-annex); may be repeated", "DIR"},
@@ -398,18 +413,13 @@ tcs_daemon *tcs_daemon_open(int argc, char **argv, int *code) {
       {"config", 0, 0, G_OPTION_ARG_FILENAME, &options.config, "settings and limits; command-line options override it",
        "FILE"},
       {0}};
-  const tcs_cli_usage usage = {"serve", NULL, "Serves volumes as pictures over HTTP and WebSocket.", entries};
+  const tcs_cli_usage usage = {"serve", "[VOLUME...]", "Serves volumes as pictures over HTTP and WebSocket.", entries};
   tcs_daemon *d = g_new0(tcs_daemon, 1);
   char **rest = NULL;
   GError *error = NULL;
   d->signals.fd = -1;
   tcs_config_init(&d->config);
-  bool good = tcs_cli_parse(&usage, argc, argv, &rest, &error);
-  if (good && rest && *rest) {
-    tc_set_error(&error, TC_ERROR_INVALID, NULL, "%s: no such argument; see tomocast serve --help", *rest);
-    good = false;
-  }
-  *code = good && configure(d, &options, &error) ? serve(d, &error) : TCS_EXIT_USAGE;
+  *code = tcs_cli_parse(&usage, argc, argv, &rest, &error) && configure(d, &options, rest, &error) ? serve(d, &error) : TCS_EXIT_USAGE;
   g_free(options.listen);
   g_free(options.metrics);
   g_free(options.data);

@@ -35,6 +35,19 @@ test('an address that is taken exits 1', async () => {
   await d.stop();
 });
 
+test('a volume without an ID gets one that says nothing of its file', async () => {
+  const folder = mkdtempSync(join(tmpdir(), 'tomocast-test-'));
+  const path = join(folder, 'DOE_JANE.nrrd');
+  writeFileSync(path, `NRRD0004\ntype: uint8\ndimension: 3\nsizes: 8 8 8\nencoding: raw\n\n${'x'.repeat(512)}`);
+  const d = await Daemon.start({ ball: false, args: [path, 'demo:bucky'] });
+  await d.resident('volume-1');
+  await d.resident('bucky');
+  assert.doesNotMatch(JSON.stringify((await d.get('/v1/volumes')).json), /JANE/);
+  await d.stop();
+  assert.doesNotMatch(d.stderr, /JANE/);
+  rmSync(folder, { recursive: true });
+});
+
 test('a volume of the command line that does not load is told why, in one line', async () => {
   const d = await Daemon.start({ ball: false, args: ['--volume', 'ct=/does/not/doe.nii', '--volume', 'sound=demo:bucky'] });
   await d.resident('sound');
