@@ -41,18 +41,17 @@ V_INLINE void load_central(const tc_cpu_args *args, int type, const vf q[3], vf 
 #pragma GCC unroll 4
     for (int y = 0; y < 4; y++) {
       const bool near_y = y == 1 || y == 2, near_z = z == 1 || z == 2;
+      if (!near_y && !near_z) continue;
       const ptrdiff_t further = (y - 1) * (ptrdiff_t)args->grid.row + (z - 1) * (ptrdiff_t)args->grid.slice;
-      if (within && near_y && near_z) {
-        load_row(args, type, &cells, further, v[z][y]);
-        continue;
-      }
-      if (within && (near_y || near_z)) {
-        load_pair(type, (const char *)args->grid.voxels + further * voxel_bytes(type), &cells, &v[z][y][1], &v[z][y][2]);
-        continue;
-      }
       const vi off = v_addi(v_muli(t[1].at[y], v_seti(args->grid.row)), v_muli(t[2].at[z], v_seti(args->grid.slice)));
-      if (near_y && near_z) fetch_row(args, type, &t[0], off, v[z][y]);
-      else if (near_y || near_z) fetch_pair(type, args->grid.voxels, v_addi(off, t[0].at[1]), &v[z][y][1], &v[z][y][2]);
+      if (near_y && near_z) {
+        if (within) load_row(args, type, &cells, further, v[z][y]);
+        else fetch_row(args, type, &t[0], off, v[z][y]);
+      } else if (within) {
+        load_pair(type, (const char *)args->grid.voxels + further * voxel_bytes(type), &cells, &v[z][y][1], &v[z][y][2]);
+      } else {
+        fetch_pair(type, args->grid.voxels, v_addi(off, t[0].at[1]), &v[z][y][1], &v[z][y][2]);
+      }
     }
   const vf x = slope_position(type, f[0]);
 #pragma GCC unroll 4
