@@ -325,7 +325,8 @@ typedef struct serve_options {
   gboolean insecure_no_auth;
 } serve_options;
 
-/* Adds a volume that was given without an ID. The ID is neutral, because everybody sees it and a file's name may name a patient. */
+/* Adds a volume given by its path alone. Its ID does not come from the file's name: IDs are public, and a file's name may
+ * hold a patient's. */
 static bool add_volume(tcs_config *config, const char *path, int number, GError **error) {
   const char *demo = g_str_has_prefix(path, "demo:") ? path + strlen("demo:") : NULL;
   if (!demo && !g_file_test(path, G_FILE_TEST_EXISTS)) {
@@ -419,7 +420,8 @@ tcs_daemon *tcs_daemon_open(int argc, char **argv, int *code) {
   GError *error = NULL;
   d->signals.fd = -1;
   tcs_config_init(&d->config);
-  *code = tcs_cli_parse(&usage, argc, argv, &rest, &error) && configure(d, &options, rest, &error) ? serve(d, &error) : TCS_EXIT_USAGE;
+  const bool good = tcs_cli_parse(&usage, argc, argv, &rest, &error) && configure(d, &options, rest, &error);
+  *code = good ? serve(d, &error) : TCS_EXIT_USAGE;
   g_free(options.listen);
   g_free(options.metrics);
   g_free(options.data);

@@ -285,7 +285,7 @@ static void neighbourhoods_hold_their_slopes(void **unused) {
       f.f[k] = draw() % 4 ? (float)(draw() % 0x1000000) / 0x1p24f : (float)(draw() % 2) * (1 - 0x1p-24f);             \
       voxel[k] = first + c[0] + (c[1] + y) * row + (c[2] + z) * slice;                                                \
     }                                                                                                                 \
-    const lanes got = of_vf(v_slope_##name(&n, which, to_vi(&at), y, z, v_load(f.f)));                                  \
+    const lanes got = of_vf(v_slope_##name(&n, which, to_vi(&at), y, z, v_load(f.f)));                                \
     for (int k = 0; k < V_LANES; k++) {                                                                               \
       double slope[2], share = cells == 3 ? (double)f.f[k] : floor((double)f.f[k] * V_SLOPE_SHARES);                  \
       for (int e = 0; e < 2; e++) {                                                                                   \

@@ -39,7 +39,12 @@ V_INLINE bool within_faces(const taps t[3]) {
   return !m_any(beyond);
 }
 
-/* fetch_row() within faces. cells: offsets of taps 1, 1, 1; further: voxels from there to tap 1 of the row. */
+/* Offsets of taps 1, 1, 1. */
+V_INLINE v_places place_cells(const tc_cpu_args *args, const taps t[3]) {
+  return v_place(cell_offset(args, (vi[]){t[0].at[1], t[1].at[1], t[2].at[1]}));
+}
+
+/* fetch_row() within faces. cells: of place_cells(); further: voxels from there to tap 1 of the row. */
 V_INLINE void load_row(const tc_cpu_args *args, int type, const v_places *cells, ptrdiff_t further, vf t[4]) {
   const char *const row = (const char *)args->grid.voxels + further * voxel_bytes(type);
   load_pair(type, row - voxel_bytes(type), cells, &t[0], &t[1]);
@@ -83,7 +88,7 @@ V_INLINE vf cubic(const tc_cpu_args *args, int type, const vf q[3], vf *gradient
     w[k] = weigh(t[k].f);
   }
   const bool within = within_faces(t);
-  const v_places cells = v_place(cell_offset(args, (vi[]){t[0].at[1], t[1].at[1], t[2].at[1]}));
+  const v_places cells = place_cells(args, t);
   for (int k = 0; k < 4; k++) {
     vf row[4], slope[4];
     for (int j = 0; j < 4; j++) {

@@ -35,7 +35,7 @@ V_INLINE void load_central(const tc_cpu_args *args, int type, const vf q[3], vf 
     twice[k][1] = v_select(t[k].last, v_set(2), v_set(1));
   }
   const bool within = within_faces(t);
-  const v_places cells = v_place(cell_offset(args, (vi[]){t[0].at[1], t[1].at[1], t[2].at[1]}));
+  const v_places cells = place_cells(args, t);
 #pragma GCC unroll 4
   for (int z = 0; z < 4; z++)
 #pragma GCC unroll 4

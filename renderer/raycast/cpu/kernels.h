@@ -85,7 +85,7 @@ typedef struct tc_cpu_args {
   float *depth; /* [picture's height][width], mm from the eye to the isosurface; NULL unless the frame wants it */
   int width;
   tc_cpu_labels labels;
-  bool near; /* use register neighbourhoods where they are faster (neighbourhood_tmpl.h); false: every voxel pair is loaded by itself */
+  bool near; /* use register neighbourhoods where they are faster (neighbourhood_tmpl.h); false: load pairs */
   bool near_slopes; /* and, of integer voxels, for gradients: the differences of voxels fit 16 bits */
   const tc_halt *halt; /* or NULL */
   tc_rays_single rays;
