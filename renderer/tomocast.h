@@ -32,7 +32,7 @@ typedef enum tc_table_builder { TC_TABLES_AUTO, TC_TABLES_CPU, TC_TABLES_GL } tc
 typedef struct tc_renderer_options {
   tc_backend backend;
   int threads;          /* CPU workers; 0 = one per online core */
-  const char *isa;      /* "scalar" "avx2" "avx512-load" "avx512"; NULL = the fastest here (raycast/cpu/isa.h) */
+  const char *isa;      /* "scalar" "avx2" "avx512-load" "avx512-gather" "avx512"; NULL = the fastest here (raycast/cpu/isa.h) */
   uint64_t cache_bytes; /* budget of tables and other shared resources; 0 = 256 MiB */
   const tc_ledger *ledger; /* shared resources are reserved here; outlives the renderer. The resources of one frame may
                               exceed cache_bytes but not the ledger's budget (TC_ERROR_MEMORY). NULL: unbounded */

@@ -37,38 +37,17 @@ typedef struct arguments {
 } arguments;
 
 typedef struct variant {
-  const char *name;
-  tc_backend backend;
-  const char *isa;
+  const char *isa; /* NULL: the gl back end */
   bool skipping;
 } variant;
 
-static const variant variants[] = {{"scalar", TC_BACKEND_CPU, "scalar", true},
-                                   {"avx2", TC_BACKEND_CPU, "avx2", true},
-                                   {"avx512", TC_BACKEND_CPU, "avx512", true},
-                                   {"avx512, no leaping", TC_BACKEND_CPU, "avx512", false},
-                                   {"scalar, no leaping", TC_BACKEND_CPU, "scalar", false},
-                                   {"avx512-load", TC_BACKEND_CPU, "avx512-load", true},
-                                   {"avx512-load, no leaping", TC_BACKEND_CPU, "avx512-load", false},
-                                   {"avx2, no leaping", TC_BACKEND_CPU, "avx2", false},
-                                   {"gl", TC_BACKEND_GL, NULL, true}};
-enum { N_VARIANTS = G_N_ELEMENTS(variants) };
-
-enum { N_USUAL = 5 }; /* the first variants; those behind them are measured if --isa names them, gl with --gl */
-
-static bool is_wanted(const arguments *a, int i) {
-  if (variants[i].backend == TC_BACKEND_GL) return a->gl;
-  return a->isa ? !strcmp(variants[i].isa, a->isa) : i < N_USUAL;
-}
-
-static bool is_isa(const char *name) {
-  for (int i = 0; i < N_VARIANTS; i++)
-    if (!g_strcmp0(variants[i].isa, name)) return true;
-  return false;
-}
+/* What is measured unless --isa names one. */
+static const variant usual[] = {{"scalar", true}, {"avx2", true}, {"avx512", true}, {"avx512", false}, {"scalar", false}};
+enum { N_ROWS = G_N_ELEMENTS(usual) + 1 };
 
 typedef struct row {
-  tc_renderer *renderer; /* NULL: not available on this machine */
+  variant variant;
+  tc_renderer *renderer; /* NULL: no row, or not available on this machine */
   tc_frame frame;
   tc_explanation plan;
   double tables_ms, skip_ms, encode_ms; /* first frame with a new transfer function; median over several */
@@ -85,7 +64,7 @@ typedef struct bench {
   int *pixels;       /* [args.pixels] indices into the picture */
   double *reference; /* [args.pixels][4] */
   double reference_ms;
-  row rows[N_VARIANTS];
+  row rows[N_ROWS];
   double cycles_per_ms; /* of the time stamp counter */
   tcs_edit edits[TCS_EDITS];
   tcs_stages stages;
@@ -109,20 +88,20 @@ static bool make_scene(bench *b, GError **error) {
 
 /* ---- measuring ---- */
 
-static bool render(bench *b, row *r, const variant *v, bool want_linear, GError **error) {
+static bool render(bench *b, row *r, bool want_linear, GError **error) {
   const tc_render_request request = {.want_linear = want_linear, .explanation = &r->plan};
-  b->scene.skipping.mode = v->skipping ? TC_SKIPPING_AUTO : TC_SKIPPING_OFF;
+  b->scene.skipping.mode = r->variant.skipping ? TC_SKIPPING_AUTO : TC_SKIPPING_OFF;
   return tc_render(r->renderer, b->volume, &b->scene, &request, &r->frame, error);
 }
 
 /* A slightly different transfer function each time (its last knot moves), to measure tables, skipping and encoding
  * separately. */
-static bool measure_changes(bench *b, row *r, const variant *v, GError **error) {
+static bool measure_changes(bench *b, row *r, GError **error) {
   enum { CHANGES = 5 };
   double tables[CHANGES], skips[CHANGES], encodes[CHANGES];
   for (int i = 0; i < CHANGES; i++) {
     b->scene.transfer_function.points[b->scene.transfer_function.count - 1].amount *= 1 - 1e-9;
-    if (!render(b, r, v, false, error)) return false;
+    if (!render(b, r, false, error)) return false;
     tables[i] = r->frame.stats.tables_ms;
     skips[i] = r->frame.stats.skip_ms;
     double start = tcs_now_ms();
@@ -169,8 +148,8 @@ static bool is_editable(const bench *b) { return b->scene.mode == TC_MODE_DVR &&
 
 static bool measure_edits(bench *b, GError **error) {
   b->edited = NULL;
-  for (int i = 0; i < N_VARIANTS && is_editable(b); i++)
-    if (b->rows[i].renderer && variants[i].backend == TC_BACKEND_CPU && variants[i].skipping) b->edited = &b->rows[i];
+  for (int i = 0; i < N_ROWS && is_editable(b); i++)
+    if (b->rows[i].renderer && b->rows[i].variant.isa && b->rows[i].variant.skipping) b->edited = &b->rows[i];
   b->scene.skipping.mode = TC_SKIPPING_AUTO;
   const row *r = b->edited;
   if (!r) return true;
@@ -181,28 +160,43 @@ static bool measure_edits(bench *b, GError **error) {
          tcs_stages_measure(r->renderer, b->volume, &b->scene, &b->stages, error);
 }
 
+static bool open_row(bench *b, row *r, variant v, GError **error) {
+  const tc_renderer_options options = {.backend = v.isa ? TC_BACKEND_CPU : TC_BACKEND_GL,
+                                       .isa = v.isa,
+                                       .threads = b->args.threads,
+                                       .cache_bytes = (uint64_t)b->args.cache << 20};
+  r->variant = v;
+  r->renderer = tc_renderer_new(&options, error);
+  return r->renderer != NULL;
+}
+
+/* Opens the rows wanted; of the usual ones and gl, those that this machine has. */
+static bool open_rows(bench *b, GError **error) {
+  if (b->args.isa) {
+    for (int i = 0; i < 2; i++)
+      if (!open_row(b, &b->rows[i], (variant){b->args.isa, !i}, error)) return false;
+  } else {
+    for (int i = 0; i < N_ROWS - 1; i++) open_row(b, &b->rows[i], usual[i], NULL);
+  }
+  if (b->args.gl) open_row(b, &b->rows[N_ROWS - 1], (variant){NULL, true}, NULL);
+  return true;
+}
+
 static bool measure(bench *b, GError **error) {
   const double start = tcs_now_ms();
   const uint64_t cycles = __rdtsc();
   if (b->args.pixels && !integrate_reference(b, error)) return false;
-  for (int i = 0; i < N_VARIANTS; i++) {
+  if (!open_rows(b, error)) return false;
+  for (int i = 0; i < N_ROWS; i++) {
     row *r = &b->rows[i];
-    tc_renderer_options options = {.backend = variants[i].backend,
-                                   .isa = variants[i].isa,
-                                   .threads = b->args.threads,
-                                   .cache_bytes = (uint64_t)b->args.cache << 20};
-    if (!is_wanted(&b->args, i)) continue;
-    const bool named = b->args.isa && variants[i].isa;
-    r->renderer = tc_renderer_new(&options, named ? error : NULL);
-    if (!r->renderer && named) return false;
-    if (!r->renderer) continue; /* not available on this machine: no row */
-    if (!measure_changes(b, r, &variants[i], error) || !render(b, r, &variants[i], true, error)) return false;
+    if (!r->renderer) continue;
+    if (!measure_changes(b, r, error) || !render(b, r, true, error)) return false;
     if (b->args.pixels) compare(b, r);
   }
   for (int run = 0; run < b->args.runs; run++)
-    for (int i = 0; i < N_VARIANTS; i++) {
+    for (int i = 0; i < N_ROWS; i++) {
       if (!b->rows[i].renderer) continue;
-      if (!render(b, &b->rows[i], &variants[i], false, error)) return false;
+      if (!render(b, &b->rows[i], false, error)) return false;
       b->rows[i].ms[run] = b->rows[i].frame.stats.render_ms;
     }
   b->cycles_per_ms = (double)(__rdtsc() - cycles) / (tcs_now_ms() - start);
@@ -217,17 +211,23 @@ static double cycles_per_sample(const bench *b, const row *r) {
   return samples > 0 ? r->ms[0] * b->cycles_per_ms * tc_renderer_about(r->renderer)->threads / samples : 0;
 }
 
+static void name_variant(const variant *v, char name[64]) {
+  g_snprintf(name, 64, "%s%s", v->isa ? v->isa : "gl", v->skipping ? "" : ", no leaping");
+}
+
 static void print_rows(bench *b) {
   const tc_volume_desc *d = tc_volume_describe(b->volume);
   printf("%s  %dx%dx%d %s, %dx%d pixels, step %g, loaded in %.0f ms\n", b->name, d->dims[0], d->dims[1], d->dims[2],
          tc_voxel_type_name(d->type), b->args.size, b->args.size, b->scene.sampling.step, b->load_ms);
   printf("  %-25s %9s %9s %9s %9s %9s %10s %9s %9s %9s\n", "variant", "table ms", "skip ms", "render ms", "(least)",
          "encode ms", "Msamples", "cycles", "rms/255", "max/255");
-  for (int i = 0; i < N_VARIANTS; i++) {
+  for (int i = 0; i < N_ROWS; i++) {
     row *r = &b->rows[i];
     if (!r->renderer) continue;
+    char name[64];
+    name_variant(&r->variant, name);
     double middle = tcs_median(r->ms, (size_t)b->args.runs);
-    printf("  %-25s %9.2f %9.2f %9.2f %9.2f %9.2f %10.2f %9.1f", variants[i].name, r->tables_ms, r->skip_ms, middle,
+    printf("  %-25s %9.2f %9.2f %9.2f %9.2f %9.2f %10.2f %9.1f", name, r->tables_ms, r->skip_ms, middle,
            r->ms[0], r->encode_ms, (double)r->frame.stats.samples * 1e-6, cycles_per_sample(b, r));
     if (b->args.pixels)
       printf(" %9.3f %9.3f\n", 255 * r->rms, 255 * r->max);
@@ -253,11 +253,13 @@ static cJSON *rows_as_json(bench *b) {
   cJSON_AddItemToObject(o, "variants", rows);
   if (b->edited) cJSON_AddItemToObject(o, "edits", tcs_edits_as_json(b->edits));
   if (b->edited) cJSON_AddItemToObject(o, "stagesMs", tcs_stages_as_json(&b->stages));
-  for (int i = 0; i < N_VARIANTS; i++) {
+  for (int i = 0; i < N_ROWS; i++) {
     row *r = &b->rows[i];
     if (!r->renderer) continue;
+    char name[64];
+    name_variant(&r->variant, name);
     cJSON *v = cJSON_CreateObject();
-    cJSON_AddStringToObject(v, "variant", variants[i].name);
+    cJSON_AddStringToObject(v, "variant", name);
     cJSON_AddStringToObject(v, "backend", tc_renderer_about(r->renderer)->backend);
     cJSON_AddStringToObject(v, "device", tc_renderer_about(r->renderer)->device);
     cJSON_AddStringToObject(v, "kernel", r->plan.kernel);
@@ -282,7 +284,7 @@ static cJSON *rows_as_json(bench *b) {
 }
 
 static void release(bench *b) {
-  for (int i = 0; i < N_VARIANTS; i++) {
+  for (int i = 0; i < N_ROWS; i++) {
     tc_renderer_free(b->rows[i].renderer);
     tc_frame_finish(&b->rows[i].frame);
   }
@@ -358,7 +360,7 @@ static bool parse(bench *b, int argc, char **argv, GError **error) {
       {"size", 0, 0, G_OPTION_ARG_INT, &a->size, "width and height of the picture (512)", "PIXELS"},
       {"runs", 0, 0, G_OPTION_ARG_INT, &a->runs, "timed frames per variant (9)", "N"},
       {"threads", 0, 0, G_OPTION_ARG_INT, &a->threads, "CPU workers (one per core)", "N"},
-      {"isa", 0, 0, G_OPTION_ARG_STRING, &a->isa, "scalar, avx2, avx512 or avx512-load alone", "NAME"},
+      {"isa", 0, 0, G_OPTION_ARG_STRING, &a->isa, "one kind of kernels alone: scalar, avx2, avx512 ...", "NAME"},
       {"error", 0, 0, G_OPTION_ARG_INT, &a->pixels, "pixels compared with the reference (1000; 0 = none)", "N"},
       {"azimuth", 0, 0, G_OPTION_ARG_DOUBLE, &a->azimuth, "camera, degrees about the body axis (30)", "DEG"},
       {"elevation", 0, 0, G_OPTION_ARG_DOUBLE, &a->elevation, "camera, degrees upwards (20)", "DEG"},
@@ -385,10 +387,6 @@ static bool parse(bench *b, int argc, char **argv, GError **error) {
     return false;
   }
   if (a->json && strcmp(a->json, "-") && !check_folder(a->json, error)) return false;
-  if (a->isa && !is_isa(a->isa)) {
-    tc_set_error(error, TC_ERROR_INVALID, NULL, "--isa %s: scalar, avx2, avx512 or avx512-load expected", a->isa);
-    return false;
-  }
   if (a->paper && strcmp(a->paper, "003") && strcmp(a->paper, "004") && !tcs_paper_known(a->paper)) {
     tc_set_error(error, TC_ERROR_INVALID, NULL, "--paper %s: 000 or 001 expected, or 003 or 004", a->paper);
     return false;

@@ -76,7 +76,7 @@ static bool parse_arguments(job *j, int argc, char **argv, GError **error) {
       {"tables", 0, 0, G_OPTION_ARG_FILENAME, &a->tables,
        "who builds pre-integration tables for gl: cpu or gl; auto leaves them to gl on a GPU (auto)", "B"},
       {"threads", 0, 0, G_OPTION_ARG_INT, &a->threads, "CPU workers (one per core)", "N"},
-      {"isa", 0, 0, G_OPTION_ARG_FILENAME, &a->isa, "scalar, avx2, avx512 or avx512-load (the fastest here)", "NAME"},
+      {"isa", 0, 0, G_OPTION_ARG_FILENAME, &a->isa, "kernels to use: scalar, avx2, avx512 ... (the fastest here)", "NAME"},
       {"ray", 0, 0, G_OPTION_ARG_FILENAME, &a->ray,
        "no picture: print the ray of this pixel, sample by sample, as JSON", "X,Y"},
       {"timing", 0, 0, G_OPTION_ARG_NONE, &a->timing, "print the time of each stage", NULL},

@@ -190,6 +190,7 @@ static void voxels_are_read_exactly(void **unused) {
       assert_true(same(of_vf(a).f[k], (float)p[0]) && same(of_vf(b).f[k], (float)p[1]));                              \
       assert_true(same(of_vf(c).f[k], (float)p[0]) && same(of_vf(d).f[k], (float)p[1]));                              \
     }                                                                                                                 \
+    GATHERED(name)                                                                                                    \
   }
 #define CORNER(name, bias, c, d) v_corner_##name(memory, &at, c, d), *(c) = *(c) - v_set(bias), *(d) = *(d) - v_set(bias)
 #define CORNER_u8(c, d) CORNER(u8, V_BIAS_U8, c, d)
@@ -197,6 +198,20 @@ static void voxels_are_read_exactly(void **unused) {
 #define CORNER_u16(c, d) CORNER(u16, V_BIAS_U16, c, d)
 #define CORNER_i16(c, d) CORNER(i16, V_BIAS_I16, c, d)
 #define CORNER_f32(c, d) (*(c) = a, *(d) = b)
+#ifdef V_GATHERS /* the bits of the pair that is loaded: with the bias again */
+#define GATHERED(name)                                                                                                \
+  v_gather_corner_##name(memory, &at, &c, &d);                                                                        \
+  BIASED_##name(&a, &b);                                                                                              \
+  for (int k = 0; k < V_LANES; k++)                                                                                   \
+    assert_true(same(of_vf(c).f[k], of_vf(a).f[k]) && same(of_vf(d).f[k], of_vf(b).f[k]));
+#define BIASED_u8(a, b) v_corner_u8(memory, &at, a, b)
+#define BIASED_i8(a, b) v_corner_i8(memory, &at, a, b)
+#define BIASED_u16(a, b) v_corner_u16(memory, &at, a, b)
+#define BIASED_i16(a, b) v_corner_i16(memory, &at, a, b)
+#define BIASED_f32(a, b) v_pair_f32(memory, &at, a, b)
+#else
+#define GATHERED(name)
+#endif
   SIMD_VOXELS(PAIRS)
   lanes off, words;
   for (int k = 0; k < V_LANES; k++) words.i[k] = k ? (int)(draw() % (BYTES / 4)) : BYTES / 4 - 1;

@@ -310,6 +310,7 @@ static bool cpu_render(void *instance, const tc_frame_job *job, GError **error) 
   for (int i = 0; i < tc_pool_threads(b->pool); i++) f.workers[i].counts.until_poll = TC_CPU_POLL_STEPS;
   fill_args(&f.cast.args, job);
   f.cast.args.near = b->isa->near;
+  f.cast.args.gather = b->isa->gather;
   f.cast.args.near_slopes = b->isa->near && has_short_slopes(job->volume);
   f.cast.spans = job->spans, f.cast.width = job->frame->width, f.cast.height = job->frame->height;
   if (job->have.boxes && !fill_cover(b, job, &f.cast.args, error)) {

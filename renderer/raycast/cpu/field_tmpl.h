@@ -40,6 +40,18 @@ V_INLINE void load_corner(int type, const void *voxels, const v_places *at, vf *
   }
 }
 
+#ifdef V_GATHERS
+V_INLINE void gather_corner(int type, const void *voxels, const v_places *at, vf *a, vf *b) {
+  switch (type) {
+  case TC_U8: v_gather_corner_u8(voxels, at, a, b); return;
+  case TC_I8: v_gather_corner_i8(voxels, at, a, b); return;
+  case TC_U16: v_gather_corner_u16(voxels, at, a, b); return;
+  case TC_I16: v_gather_corner_i16(voxels, at, a, b); return;
+  default: v_gather_corner_f32(voxels, at, a, b); return;
+  }
+}
+#endif
+
 V_INLINE int voxel_bytes(int type) { return type == TC_F32 ? 4 : type == TC_U8 || type == TC_I8 ? 1 : 2; }
 
 V_INLINE float bias_of(int type) {
@@ -83,10 +95,18 @@ V_INLINE vi cell_offset(const tc_cpu_args *args, const vi cell[3]) {
 /* at: the lanes' cells */
 V_INLINE corners load_corners(const tc_cpu_args *args, int type, const v_places *at) {
   const ptrdiff_t along_y = args->grid.stride[1] * voxel_bytes(type), along_z = args->grid.stride[2] * voxel_bytes(type);
+  const char *const first = args->grid.voxels;
   corners c;
+#ifdef V_GATHERS
+  if (__builtin_expect(args->gather, 0)) {
 #pragma GCC unroll 4
-  for (int k = 0; k < 4; k++)
-    load_corner(type, (const char *)args->grid.voxels + (k & 1) * along_y + (k >> 1) * along_z, at, &c.a[k], &c.b[k]);
+    for (int k = 0; k < 4; k++)
+      gather_corner(type, first + (k & 1) * along_y + (k >> 1) * along_z, at, &c.a[k], &c.b[k]);
+    return c;
+  }
+#endif
+#pragma GCC unroll 4
+  for (int k = 0; k < 4; k++) load_corner(type, first + (k & 1) * along_y + (k >> 1) * along_z, at, &c.a[k], &c.b[k]);
   return c;
 }
 

@@ -8,10 +8,11 @@
 
 /* In ascending order: the last one that runs has the best instruction set. */
 static const tc_cpu_isa isas[] = {
-    {"scalar", "scalar", tc_kernel_scalar, tc_surface_kernel_scalar, false, 20},
-    {"avx2", "avx2", tc_kernel_avx2, tc_surface_kernel_avx2, false, 5},
-    {"avx512-load", "avx512", tc_kernel_avx512, tc_surface_kernel_avx512, false, 3},
-    {"avx512", "avx512", tc_kernel_avx512, tc_surface_kernel_avx512, true, 3},
+    {"scalar", "scalar", tc_kernel_scalar, tc_surface_kernel_scalar, false, false, 20},
+    {"avx2", "avx2", tc_kernel_avx2, tc_surface_kernel_avx2, false, false, 5},
+    {"avx512-load", "avx512", tc_kernel_avx512, tc_surface_kernel_avx512, false, false, 3},
+    {"avx512-gather", "avx512", tc_kernel_avx512, tc_surface_kernel_avx512, true, true, 3},
+    {"avx512", "avx512", tc_kernel_avx512, tc_surface_kernel_avx512, true, false, 3},
 };
 enum { N_ISAS = sizeof isas / sizeof *isas };
 
@@ -25,14 +26,15 @@ static bool isa_runs(const tc_cpu_isa *isa) {
 
 enum { SIDE = 48, NODES = 16, PIXELS = 16, ROUNDS = 5 };
 
-/* A small dvr frame of 8-bit voxels, seen obliquely and magnified, under an empty table. */
-static tc_cpu_args small_frame(const uint8_t *voxels, const float *table) {
+/* A small dvr frame of 8-bit voxels, seen obliquely, under an empty table. spacing: of the rays, about half a voxel at 1. */
+static tc_cpu_args small_frame(const uint8_t *voxels, const float *table, float spacing) {
   tc_cpu_args a = {.key = {.mode = TC_MODE_DVR, .voxel_type = TC_U8, .termination = 1},
                    .grid = {.voxels = voxels, .row = SIDE, .slice = SIDE * SIDE},
                    .nodes = {0, (NODES - 1) / 255.0f, NODES - 1},
                    .table = table + 4 * NODES * (NODES + 1), /* its row k = 0 */
                    .table_stride = NODES + 1,
-                   .rays = {.anchor0 = {10, 8, 8}, .anchor_du = {0.4f, -0.3f, 0}, .anchor_dv = {0.1f, 0.2f, 0.45f},
+                   .rays = {.anchor0 = {10, 8, 8}, .anchor_du = {0.4f * spacing, -0.3f * spacing, 0},
+                            .anchor_dv = {0.1f * spacing, 0.2f * spacing, 0.45f * spacing},
                             .view0 = {0.48f, 0.64f, 0.6f}, .step_mm = 1, .inverse_step = 1, .eye_mm = 1000, .far_mm = 1e30f,
                             .count = 1}};
   const int strides[3] = {1, SIDE, SIDE * SIDE};
@@ -47,29 +49,44 @@ static tc_cpu_args small_frame(const uint8_t *voxels, const float *table) {
 
 static int64_t time_us(const tc_cpu_isa *isa, tc_cpu_args *a, float *out) {
   tc_cpu_counts counts = {.until_poll = TC_CPU_POLL_STEPS};
-  a->near = isa->near;
+  a->near = isa->near, a->gather = isa->gather;
   int64_t start = g_get_monotonic_time();
   isa->find(&a->key)(a, 0, 0, PIXELS, PIXELS, out, PIXELS, &counts);
   return g_get_monotonic_time() - start;
 }
 
-/* The faster of two instruction sets: the one with the smaller minimum of several alternating rounds. Without memory for
- * the trial: the first. */
-static const tc_cpu_isa *faster(const tc_cpu_isa *first, const tc_cpu_isa *second) {
+/* The fastest of n variants: the one with the least sum, over a magnified frame and one whose rays lie too far apart for
+ * neighbourhoods, of the minimum of several alternating rounds. Without memory for the trial: the last. */
+static const tc_cpu_isa *fastest(const tc_cpu_isa *variants, int n) {
+  enum { FRAMES = 2 };
+  static const float spacings[FRAMES] = {1, 3};
   uint8_t *voxels = calloc(1, SIDE * SIDE * SIDE + 64);
   float *table = calloc(4 * (2 * NODES + 3) * (NODES + 1), sizeof *table), *out = calloc(4 * PIXELS * PIXELS, sizeof *out);
-  int64_t least[2] = {INT64_MAX, INT64_MAX};
-  if (voxels && table && out) {
-    tc_cpu_args a = small_frame(voxels, table);
-    for (int round = 0; round < 2 * ROUNDS; round++) {
-      int64_t us = time_us(round % 2 ? second : first, &a, out);
-      if (us < least[round % 2]) least[round % 2] = us;
+  int best = n - 1;
+  int64_t sums[N_ISAS] = {0};
+  for (int k = 0; voxels && table && out && k < FRAMES; k++) {
+    tc_cpu_args a = small_frame(voxels, table, spacings[k]);
+    int64_t least[N_ISAS];
+    for (int i = 0; i < n; i++) least[i] = INT64_MAX;
+    for (int round = 0; round < n * ROUNDS; round++) {
+      const int64_t us = time_us(&variants[round % n], &a, out);
+      if (us < least[round % n]) least[round % n] = us;
     }
+    for (int i = 0; i < n; i++) sums[i] += least[i];
   }
+  for (int i = 0; i < n; i++)
+    if (sums[i] < sums[best]) best = i;
   free(voxels);
   free(table);
   free(out);
-  return least[1] < least[0] ? second : first;
+  return &variants[best];
+}
+
+static void set_unknown(const char *wanted, GError **error) {
+  GString *names = g_string_new(NULL);
+  for (int i = 0; i < N_ISAS; i++) g_string_append_printf(names, i ? ", %s" : "%s", isas[i].name);
+  tc_set_error(error, TC_ERROR_INVALID, NULL, "instruction set \"%s\" is unknown: one of %s expected", wanted, names->str);
+  g_string_free(names, TRUE);
 }
 
 const tc_cpu_isa *tc_cpu_isa_choose(const char *wanted, GError **error) {
@@ -80,10 +97,10 @@ const tc_cpu_isa *tc_cpu_isa_choose(const char *wanted, GError **error) {
       tc_set_error(error, TC_ERROR_INVALID, NULL, "this processor does not support %s: choose another instruction set, or none", wanted);
       return NULL;
     }
-    bool two = !wanted && i > 0 && !strcmp(isas[i].instructions, isas[i - 1].instructions);
-    return two ? faster(&isas[i], &isas[i - 1]) : &isas[i];
+    int first = i;
+    while (!wanted && first > 0 && !strcmp(isas[first - 1].instructions, isas[i].instructions)) first--;
+    return first < i ? fastest(&isas[first], i - first + 1) : &isas[i];
   }
-  tc_set_error(error, TC_ERROR_INVALID, NULL,
-               "instruction set \"%s\" is unknown: scalar, avx2, avx512 or avx512-load expected", wanted);
+  set_unknown(wanted, error);
   return NULL;
 }

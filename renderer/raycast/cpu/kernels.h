@@ -86,6 +86,7 @@ typedef struct tc_cpu_args {
   int width;
   tc_cpu_labels labels;
   bool near; /* use register neighbourhoods where they are faster (neighbourhood_tmpl.h); false: load pairs */
+  bool gather; /* gather scattered voxels, for an instruction set that can (V_GATHERS, simd.h); false: a load per lane */
   bool near_slopes; /* and, of integer voxels, for gradients: the differences of voxels fit 16 bits */
   const tc_halt *halt; /* or NULL */
   tc_rays_single rays;

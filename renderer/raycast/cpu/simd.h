@@ -32,6 +32,8 @@
  *   read, but not use, 3 bytes beyond: volumes and maps are padded.
  * - v_corner_T: the pair with V_BIAS_T added to each, exactly, for an instruction set where that is cheaper;
  *   field_tmpl.h has the default.
+ * - Only if V_GATHERS is defined, for an instruction set whose gathers are faster than loads on some processors:
+ *   v_gather_corner_T, v_corner_T by gathers.
  * - v_prefetch: prefetches the cache lines of some lanes' elements, of `size` bytes each; the addresses may be invalid.
  * - Only if V_NEAR is defined, for an instruction set whose permutations are cheaper than loads: v_near_T, a
  *   neighbourhood of V_NEAR_T (4 or 8) x 4 x 4 voxels; v_near_load_T: loads the neighbourhood whose lowest voxel is at

@@ -129,6 +129,20 @@ V_INLINE void v_pair_f32(const void *base, const v_places *at, vf *a, vf *b) {
 }
 #include "renderer/raycast/cpu/simd_voxels.h"
 
+#define V_GATHERS
+#define V_GATHER_CORNER(name, size, flips, biased)                                                                    \
+  V_INLINE void v_gather_corner_##name(const void *base, const v_places *at, vf *a, vf *b) {                          \
+    biased(v_flip(_mm512_i32gather_epi32(_mm512_load_si512(at->off), base, size), flips), a, b);                      \
+  }
+V_GATHER_CORNER(u8, 1, 0, v_biased_bytes)
+V_GATHER_CORNER(i8, 1, 0x80808080, v_biased_bytes)
+V_GATHER_CORNER(u16, 2, 0, v_biased_words)
+V_GATHER_CORNER(i16, 2, 0x80008000, v_biased_words)
+V_INLINE void v_gather_corner_f32(const void *base, const v_places *at, vf *a, vf *b) {
+  const vi off = _mm512_load_si512(at->off);
+  *a = v_gather(base, off), *b = v_gather((const float *)base + 1, off);
+}
+
 V_INLINE void v_prefetch(const void *base, const v_places *at, int size) {
 #pragma GCC unroll 8
   for (int l = 0; l < 16; l += 2)
