@@ -326,21 +326,47 @@ TEST(far_meshes_lose_nothing_unsaid) {
   accept(o);
 }
 
-TEST(labels_become_a_mesh) {
-  for (int i = SANITIZED; i < 2; i++) {
-    accept(RUN("convert", "demo:head-labels", "l.obj", "--label", i ? "all" : "1", "--simplify", "2"));
-    gsize size;
-    g_autofree char *bytes = take_file("l.obj", &size);
-    g_autoptr(GHashTable) colors = g_hash_table_new_full(g_str_hash, g_str_equal, g_free, NULL);
-    g_auto(GStrv) lines = g_strsplit(bytes, "\n", -1);
-    for (char **line = lines; *line; line++) {
-      if (!g_str_has_prefix(*line, "v ")) continue;
-      g_auto(GStrv) words = g_strsplit(*line, " ", 5);
-      g_hash_table_add(colors, g_strdup(words[4]));
-    }
-    if (!i) assert_true(g_hash_table_contains(colors, "0.902 0.6235 0"));
-    assert_true(i ? g_hash_table_size(colors) > 3 : g_hash_table_size(colors) == 1);
+/* A cube of four columns of labels 1 to 4. */
+static void put_labels(const char *name) {
+  enum { SIDE = 24, RIM = 3 };
+  static const char header[] = "NRRD0004\ntype: uint8\ndimension: 3\nsizes: 24 24 24\nencoding: raw\n\n";
+  g_autofree char *path = g_build_filename(folder, name, NULL);
+  g_autoptr(GByteArray) bytes = g_byte_array_new();
+  g_byte_array_append(bytes, (const guint8 *)header, sizeof header - 1);
+  for (int i = 0; i < SIDE * SIDE * SIDE; i++) {
+    const int x = i % SIDE, y = i / SIDE % SIDE, z = i / (SIDE * SIDE);
+    const bool inside = MIN(x, MIN(y, z)) >= RIM && MAX(x, MAX(y, z)) < SIDE - RIM;
+    const guint8 label = inside ? (guint8)(1 + (x >= SIDE / 2) + 2 * (y >= SIDE / 2)) : 0;
+    g_byte_array_append(bytes, &label, 1);
   }
+  assert_true(g_file_set_contents(path, (const char *)bytes->data, bytes->len, NULL));
+}
+
+/* The colours of the vertices of an OBJ, which is then removed; a set of strings. */
+static GHashTable *take_colors(const char *name) {
+  gsize size;
+  g_autofree char *bytes = take_file(name, &size);
+  GHashTable *colors = g_hash_table_new_full(g_str_hash, g_str_equal, g_free, NULL);
+  g_auto(GStrv) lines = g_strsplit(bytes, "\n", -1);
+  for (char **line = lines; *line; line++) {
+    if (!g_str_has_prefix(*line, "v ")) continue;
+    g_auto(GStrv) words = g_strsplit(*line, " ", 5);
+    g_hash_table_add(colors, g_strdup(words[4]));
+  }
+  return colors;
+}
+
+TEST(labels_become_a_mesh) {
+  put_labels("labels.nrrd");
+  accept(RUN("convert", "labels.nrrd", "l.obj", "--label", "1"));
+  g_autoptr(GHashTable) one = take_colors("l.obj");
+  assert_int_equal(g_hash_table_size(one), 1);
+  assert_true(g_hash_table_contains(one, "0.902 0.6235 0"));
+  accept(RUN("convert", "labels.nrrd", "l.obj", "--label", "all", "--simplify", ".5"));
+  g_autoptr(GHashTable) all = take_colors("l.obj");
+  assert_int_equal(g_hash_table_size(all), 4);
+  g_autofree char *path = g_build_filename(folder, "labels.nrrd", NULL);
+  assert_int_equal(g_unlink(path), 0);
 }
 
 /* The same words as the HTTP service's: each sample where the last one ended. */
