@@ -104,14 +104,7 @@ V_INLINE vi v_load_lanes(const char *p, const v_places *at, int size) {
   __m128i high01 = _mm_unpacklo_epi32(V_LANE(4), V_LANE(5)), high23 = _mm_unpacklo_epi32(V_LANE(6), V_LANE(7));
   return _mm256_inserti128_si256(_mm256_castsi128_si256(_mm_unpacklo_epi64(low01, low23)), _mm_unpacklo_epi64(high01, high23), 1);
 }
-/* The pairs of floats at off[0] and off[1]. */
-V_INLINE __m128 v_two_pairs(const float *p, const int32_t *off) {
-  __m128i first = _mm_loadl_epi64((const __m128i *)(const void *)(p + off[0]));
-  return _mm_loadh_pi(_mm_castsi128_ps(first), (const __m64 *)(const void *)(p + off[1]));
-}
-V_INLINE __m256 v_four_pairs(const float *p, const int32_t *off) { /* of lanes 0, 1 and 4, 5 */
-  return _mm256_insertf128_ps(_mm256_castps128_ps256(v_two_pairs(p, off)), v_two_pairs(p, off + 4), 1);
-}
+#include "renderer/raycast/cpu/simd_pairs.h"
 V_INLINE void v_pair_f32(const void *base, const v_places *at, vf *a, vf *b) {
   const __m256 first = v_four_pairs(base, at->off), next = v_four_pairs(base, at->off + 2);
   *a = _mm256_shuffle_ps(first, next, 0x88);

@@ -110,14 +110,7 @@ V_INLINE vi v_load_lanes(const char *p, const v_places *at, int size) {
   __m256i high = _mm256_inserti128_si256(_mm256_castsi128_si256(v_load_four(p, at->off + 8, size)), v_load_four(p, at->off + 12, size), 1);
   return _mm512_inserti64x4(_mm512_castsi256_si512(low), high, 1);
 }
-/* The pairs of floats at off[0] and off[1]. */
-V_INLINE __m128 v_two_pairs(const float *p, const int32_t *off) {
-  __m128i first = _mm_loadl_epi64((const __m128i *)(const void *)(p + off[0]));
-  return _mm_loadh_pi(_mm_castsi128_ps(first), (const __m64 *)(const void *)(p + off[1]));
-}
-V_INLINE __m256 v_four_pairs(const float *p, const int32_t *off) { /* of lanes 0, 1 and 4, 5 */
-  return _mm256_insertf128_ps(_mm256_castps128_ps256(v_two_pairs(p, off)), v_two_pairs(p, off + 4), 1);
-}
+#include "renderer/raycast/cpu/simd_pairs.h"
 V_INLINE __m512 v_eight_pairs(const float *p, const int32_t *off) { /* and of 8, 9 and 12, 13 */
   const __m256d low = _mm256_castps_pd(v_four_pairs(p, off)), high = _mm256_castps_pd(v_four_pairs(p, off + 8));
   return _mm512_castpd_ps(_mm512_insertf64x4(_mm512_castpd256_pd512(low), high, 1));
