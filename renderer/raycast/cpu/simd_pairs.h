@@ -1,4 +1,5 @@
 /* Pairs of neighbouring floats in halves of registers, for AVX2 and AVX-512. Included by a simd_*.h. */
+
 /* The pairs of floats at off[0] and off[1]. */
 V_INLINE __m128 v_two_pairs(const float *p, const int32_t *off) {
   __m128i first = _mm_loadl_epi64((const __m128i *)(const void *)(p + off[0]));
