@@ -407,7 +407,7 @@ static void cut_key(const tc_frame_job *job, GByteArray *key) {
 static void *cut_begin(const tc_making *m, GError **error) {
   double planes[TC_MAX_CLIP_PLANES][4];
   const int n = tc_splat_planes(object_of(m->job), m->job->scene, planes);
-  return tc_splats_cut(m->job->have.model, (const double(*)[4])planes, n, tc_pool_halt(m->pool), error);
+  return tc_splats_cut(m->job->have.model, m->job->have.splats, (const double(*)[4])planes, n, tc_pool_halt(m->pool), error);
 }
 
 /* ---- all kinds ---- */
@@ -520,7 +520,7 @@ const tc_resource_kind tc_resource_kinds[TC_RESOURCE_COUNT] = {
                             .begin = splats_begin,
                             .bytes = splats_bytes},
     [TC_RESOURCE_CUT] = {.store = {"splats of a cut", free_splats, NULL, false},
-                         .needs = BIT(MODEL),
+                         .needs = BIT(MODEL) | BIT(SPLATS),
                          .key = cut_key,
                          .tied = object_of,
                          .begin = cut_begin,

@@ -11,6 +11,23 @@ V_INLINE void cross_of(const vf a[3], const vf b[3], vf to[3]) {
   for (int k = 0; k < 3; k++) to[k] = v_fnma(a[(k + 2) % 3], b[(k + 1) % 3], a[(k + 1) % 3] * b[(k + 2) % 3]);
 }
 
+/* Kernels of a cut's face go no further than the object's surface beside their voxels. own: of the face's splats; across_x,
+ * across_y: the steps on the face that a pixel is; dx, dy: as in find_cuts(). */
+V_INLINE void cut_by_rim(const tc_splat_args *g, const tc_splats *of, uint32_t first, const shape *own, const vf across_x[3],
+                         const vf across_y[3], vf dx, vf dy, cuts *to) {
+  const vi rim = v_bits(v_load((const float *)(const void *)(of->rims + first)));
+  const vf inset = v_float(v_andi(rim, v_seti(255))), zero = v_set(0);
+  const vm known = v_lt(zero, inset);
+  vf axis[3], x = zero, y = zero, away = zero;
+  axis_of(g, rim, axis);
+  for (int k = 0; k < 3; k++)
+    x = v_fnma(axis[k], across_x[k], x), y = v_fnma(axis[k], across_y[k], y), away = v_fma(axis[k], own->axis[k], away);
+  away = v_fnma(away, own->surface, (inset - v_set(1)) * v_set(1 / 254.f));
+  v_store(to->at[to->n], v_select(known, v_fnma(x, dx, v_fnma(y, dy, away)), zero));
+  v_store(to->x[to->n], v_select(known, x, zero)), v_store(to->y[to->n], v_select(known, y, zero));
+  to->n++;
+}
+
 /* A splat of a surface is cut as its tangent plane is; one that is seen edge-on, or lies on no surface, as a plane across the view.
  * The splats are projected again, which only bricks near a plane pay for. */
 V_INLINE void find_cuts(const tc_splat_args *g, const tc_splat_entry *e, const tc_splat_tile *t, uint32_t first, cuts *to) {
@@ -38,12 +55,17 @@ V_INLINE void find_cuts(const tc_splat_args *g, const tc_splat_entry *e, const t
   for (int k = 0; k < 3; k++) normal[k] = v_select(tangent, own.axis[k], v_set(g->axis[2][k]));
   const vf inverse = v_set(1) / v_fma(normal[2], area[2], v_fma(normal[1], area[1], normal[0] * area[0]));
   cross_of(jy, normal, across_x), cross_of(normal, jx, across_y);
+  for (int k = 0; k < 3; k++) across_x[k] = across_x[k] * inverse, across_y[k] = across_y[k] * inverse;
   vf dx = zero, dy = zero; /* from the splat's place to where the surface's point is seen */
   for (int k = 0; k < 3; k++)
     dx = v_fma(jx[k], own.axis[k] * shift, dx), dy = v_fma(jy[k], own.axis[k] * shift, dy);
-  to->n = g->n_planes;
-  for (int i = 0; i < g->n_planes; i++) {
-    const vf x = along_plane(g->planes[i], across_x) * inverse, y = along_plane(g->planes[i], across_y) * inverse;
+  to->n = 0;
+  if (e->of->cut) {
+    cut_by_rim(g, e->of, first, &own, across_x, across_y, dx, dy, to);
+    return;
+  }
+  for (int i = 0; i < g->n_planes; i++, to->n++) {
+    const vf x = along_plane(g->planes[i], across_x), y = along_plane(g->planes[i], across_y);
     const vf away = along_plane(g->planes[i], d) + v_set(plane_start(g, e, i));
     v_store(to->at[i], v_fnma(x, dx, v_fnma(y, dy, away))), v_store(to->x[i], x), v_store(to->y[i], y);
   }

@@ -137,6 +137,7 @@ void tc_splats_free(tc_splats *splats) {
   free(splats->bricks);
   free(splats->words);
   free(splats->insets);
+  free(splats->rims);
   free(splats);
 }
 
@@ -546,7 +547,40 @@ static bool meets_bricks(const cutting *c, int bx, int by) {
   return false;
 }
 
-tc_splats *tc_splats_cut(const tc_vmd *model, const double planes[][4], int n_planes, const tc_halt *halt,
+static bool comes_before(const int a[3], const int b[3]) {
+  return a[1] != b[1] ? a[1] < b[1] : a[0] != b[0] ? a[0] < b[0] : a[2] < b[2];
+}
+
+/* Sets rims[word's place in the brick] of the surface's splats in a brick. */
+static void note_rims(const tc_splats *of, const tc_splat_brick *brick, uint32_t *rims) {
+  for (uint32_t i = brick->first; i < brick->first + brick->count; i++) {
+    const uint32_t word = of->words[i];
+    if (word >> 12 & 63 && !is_thin(word >> 12 & 63) && of->insets[i]) rims[word & 0xfff] = (word & ~0x3ffffu) | of->insets[i];
+  }
+}
+
+/* The rims of a cut, from the splats of the whole model; both list their bricks in the same order. False: out of memory. */
+static bool find_rims(tc_splats *cut, const tc_splats *of) {
+  enum { VOXELS = TC_SPLAT_BRICK * TC_SPLAT_BRICK * TC_SPLAT_BRICK };
+  uint32_t *rims = malloc(VOXELS * sizeof *rims), read = 0;
+  tc_splat_brick brick = {0}, other = {0};
+  size_t from = 0, other_from = 0;
+  cut->rims = calloc(cut->n + TC_SPLAT_PAD, sizeof *cut->rims);
+  for (uint32_t b = 0; rims && cut->rims && b < cut->n_bricks; b++) {
+    tc_splats_next(cut, &from, &brick);
+    while (read < of->n_bricks && (!read || comes_before(other.at, brick.at))) tc_splats_next(of, &other_from, &other), read++;
+    if (!read || memcmp(other.at, brick.at, sizeof brick.at) != 0) continue;
+    memset(rims, 0, VOXELS * sizeof *rims);
+    note_rims(of, &other, rims);
+    for (uint32_t i = brick.first; i < brick.first + brick.count; i++) cut->rims[i] = rims[cut->words[i] & 0xfff];
+  }
+  const bool good = rims && cut->rims;
+  free(rims);
+  cut->bytes += (cut->n + TC_SPLAT_PAD) * sizeof *cut->rims;
+  return good;
+}
+
+tc_splats *tc_splats_cut(const tc_vmd *model, const tc_splats *of, const double planes[][4], int n_planes, const tc_halt *halt,
                          GError **error) {
   const int *first = model->first, *size = model->size;
   bool left = false;
@@ -560,6 +594,11 @@ tc_splats *tc_splats_cut(const tc_vmd *model, const double planes[][4], int n_pl
     }
   tc_splats *s = left ? NULL : join(&c.out, 1, error);
   if (s) s->cut = true;
+  if (s && !find_rims(s, of)) {
+    tc_splats_free(s);
+    s = NULL;
+    tc_set_error(error, TC_ERROR_MEMORY, NULL, "splats: out of memory");
+  }
   if (left) tc_halt_say(halt, error);
   pile_free(c.out);
   return s;

@@ -42,6 +42,8 @@ typedef struct tc_splats {
   uint8_t *bricks;
   uint32_t *words;   /* [n + TC_SPLAT_PAD] */
   uint8_t *insets;   /* the same */
+  uint32_t *rims;    /* the same; of a cut: where the object's surface passes the voxel, too, the normal in its splat's word (bits
+                        18 to 31) and its inset (bits 0 to 7), else 0. NULL: no cut */
   uint32_t n, n_bricks;
   bool cut;          /* clipping left them */
   size_t bytes;
@@ -90,8 +92,9 @@ tc_splats *tc_splats_build(const tc_vmd *model, tc_splat_normals normals, bool e
 /* Outward normal (LPS, any length) of a voxel from the 5x5x5 voxels around it, of which `filled` are filled: sum is minus
  * the sum of their steps from it. Returns the distance of the surface, were it a plane, in voxels. */
 double tc_splats_filled_normal(const tc_volume_desc *grid, const int sum[3], int filled, double normal[3]);
-/* The voxels that planes (index coordinates, what is kept has planes[i] . (position, 1) >= 0) lay open. */
-tc_splats *tc_splats_cut(const tc_vmd *model, const double planes[][4], int n_planes, const tc_halt *halt,
+/* The voxels that planes (index coordinates, what is kept has planes[i] . (position, 1) >= 0) lay open. of: the splats of the
+ * whole model. */
+tc_splats *tc_splats_cut(const tc_vmd *model, const tc_splats *of, const double planes[][4], int n_planes, const tc_halt *halt,
                          GError **error);
 void tc_splats_free(tc_splats *splats); /* NULL is fine */
 

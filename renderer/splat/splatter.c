@@ -214,6 +214,13 @@ static bool set_clipped(const drawing *d, tc_splat_entry *e) {
   return true;
 }
 
+/* Whether the object's surface ends kernels of a cut's brick. */
+static bool has_rims(const tc_splats *of, const tc_splat_brick *b) {
+  bool any = false;
+  for (uint32_t i = b->first; of->rims && i < b->first + b->count && !any; i++) any = of->rims[i] != 0;
+  return any;
+}
+
 /* The box of pixels that hold all footprints; false: out of the picture. */
 static bool set_box(const drawing *d, tc_splat_entry *e, const double middle[3], const double half[3], double size_mm) {
   const tc_splat_args *g = &d->args;
@@ -259,6 +266,7 @@ static bool enter(const drawing *d, const tc_splats *of, const tc_splat_brick *b
   }
   set_seen(e);
   if (!set_clipped(d, e) && d->args.culling) return false;
+  if (d->args.opaque && d->args.move > 0) e->clipped |= has_rims(of, b);
   if (!set_box(d, e, middle, half, size_mm) && d->args.culling) return false;
   return (b->faces & e->seen) || !d->args.culling || !d->args.opaque;
 }

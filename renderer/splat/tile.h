@@ -65,7 +65,7 @@ typedef struct tc_splat_entry {
   float at[3];         /* view space, its voxel 0 */
   float eye[3];        /* index coordinates, from its voxel 0 */
   uint8_t seen, mixed; /* faces that all of its voxels show to the eye; or each its own */
-  uint8_t clipped;     /* a plane may cut its splats */
+  uint8_t clipped;     /* a plane may cut its splats; of a cut: the object's surface may */
 } tc_splat_entry;
 
 typedef struct tc_splat_tile {

@@ -112,19 +112,23 @@ V_INLINE vf core_of(const tc_splat_args *g, const vf eye[3], const shape *s, vm 
   return v_select(flat, v_fma(most - s->along, thick, s->along), s->along);
 }
 
+/* The normals of words in index coordinates, unit length. */
+V_INLINE void axis_of(const tc_splat_args *g, vi word, vf axis[3]) {
+  vf n[3];
+  unfold(word, n);
+  for (int k = 0; k < 3; k++)
+    axis[k] = v_fma(n[2], v_set(g->covariant[k][2]), v_fma(n[1], v_set(g->covariant[k][1]), n[0] * v_set(g->covariant[k][0])));
+  const vf scale = v_set(1) / v_sqrt(v_fma(axis[0], axis[0], v_fma(axis[1], axis[1], axis[2] * axis[2])));
+  for (int k = 0; k < 3; k++) axis[k] = axis[k] * scale;
+}
+
 /* A kernel beside a surface is flat and touches the surface from within: outlines end there, and its depth is the
  * surface's. One of a thin voxel stays: a sheet's is as thick as the sheet, a line's follows the line, so that voxels
  * that touch by a corner are drawn as one. */
 V_INLINE shape shape_of(const tc_splat_args *g, const uint8_t *insets, vi word, const vf eye[3], vf at[3]) {
   const vf zero = v_set(0), one = v_set(1);
-  vf n[3];
   shape s;
-  unfold(word, n);
-  for (int k = 0; k < 3; k++)
-    s.axis[k] = v_fma(n[2], v_set(g->covariant[k][2]),
-                      v_fma(n[1], v_set(g->covariant[k][1]), n[0] * v_set(g->covariant[k][0])));
-  const vf scale = one / v_sqrt(v_fma(s.axis[0], s.axis[0], v_fma(s.axis[1], s.axis[1], s.axis[2] * s.axis[2])));
-  for (int k = 0; k < 3; k++) s.axis[k] = s.axis[k] * scale;
+  axis_of(g, word, s.axis);
   const vf inset = v_float(v_load_bytes(insets));
   const vi stored = v_trunc(inset), faces = v_sra(word, 12);
   const vm known = v_lt(zero, inset), thin = v_lt(zero, v_float(v_andi(v_andi(faces, v_sra(word, 13)), v_seti(0x15))));
@@ -244,7 +248,7 @@ V_INLINE bool project(const tc_splat_args *g, const tc_splat_entry *e, const tc_
   }
   const vm inside = m_and(lanes, v_lt(v_set(g->near_mm), at[2]));
   vm alive = m_and(inside, facing);
-  if (e->clipped) { /* a surface seen from behind hid nothing of the whole object, and hides nothing of the cut */
+  if (e->clipped && !e->of->cut) { /* a surface seen from behind hid nothing of the whole object, and hides nothing of the cut */
     const vf none = v_set(0);
     alive = kept_by_planes(g, e, d, shaped ? v_select(own.front, v_set(g->beyond), none) : none, alive);
   }

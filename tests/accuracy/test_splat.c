@@ -598,6 +598,37 @@ TEST(nothing_stands_before_a_cut) {
   }
 }
 
+/* The face of a cut ends at the object's surface: kernels of the face go no further than the surface beside them. */
+TEST(a_cut_face_ends_at_the_surface) {
+  enum { LARGE_SIDE = 300 };
+  g_auto(object) o = object_of(&cube, blob, ball);
+  g_auto(drawing) d = {0};
+  for (int i = 0; i < 4; i++) {
+    g_auto(tc_scene) scene;
+    look(&scene, &o, 7 + 2 * i, 1.5);
+    scene.image.width = scene.image.height = LARGE_SIDE;
+    double ahead[3], way[3], over = 0, under = 0;
+    int wrong = 0, right = 0;
+    for (int k = 0; k < 3; k++) ahead[k] = scene.camera.target[k] - scene.camera.position[k];
+    const double mm = length3(ahead) + 6, radius = 13.7; /* as above */
+    cut_along(&scene, ahead, 6);
+    draw_now(&o, &scene, (wish){0}, &d);
+    tc_rays rays;
+    tc_rays_set_up(&rays, o.volume, &scene, LARGE_SIDE, LARGE_SIDE);
+    for (int p = 0; p < LARGE_SIDE * LARGE_SIDE; p++) {
+      ray_of(&rays, p % LARGE_SIDE, p / LARGE_SIDE, way);
+      const double cosine = dot3(way, scene.clip.planes[0]), from_axis = mm / cosine * sqrt(1 - fmin(cosine * cosine, 1));
+      const bool shown = d.frame.linear[4 * p + 3] > 0.5f;
+      right += from_axis < radius, wrong += shown != (from_axis < radius);
+      if (shown) over = fmax(over, from_axis - radius);
+      else under = fmax(under, radius - from_axis);
+    }
+    const double apart = 0.5 * radius * wrong / right; /* areas: wrong of 2 pi radius apart, right of pi radius^2 */
+    print_message("view %d: the face ends %.2f voxels from the surface on average, up to %.2f beyond and %.2f before it\n", i, apart, over, under);
+    assert_true(apart < 0.15 && over < 0.3 && under < 0.5);
+  }
+}
+
 /* Seen along the plane, the cut is a straight line: neither stairs of voxels nor what of kernels lies beyond. */
 TEST(a_cut_ends_at_its_plane) {
   g_auto(object) o = object_of(&cube, blob, ball);

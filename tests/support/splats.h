@@ -63,7 +63,7 @@ static inline bool draw(const object *o, const tc_scene *scene, wish w, drawing 
   double planes[TC_MAX_CLIP_PLANES][4];
   const int n = tc_splat_planes(o->volume, scene, planes);
   g_autoptr(tc_splats) cut =
-      n && scene->splat.opaque ? tc_splats_cut(o->model, (const double(*)[4])planes, n, NULL, NULL) : NULL;
+      n && scene->splat.opaque ? tc_splats_cut(o->model, o->splats, (const double(*)[4])planes, n, NULL, NULL) : NULL;
   assert_true(tc_frame_begin(&d->frame, scene->image.width, scene->image.height, &request, NULL));
   const tc_halt halt = tc_halt_begin(w.interrupt, d->frame.progress->fruitless);
   const int done = d->frame.progress->done;

@@ -496,7 +496,7 @@ TEST(grids_may_be_larger_than_memory) {
   }
   /* Cut open between x = -2 and -1, from the end. */
   const double plane[1][4] = {{-1, 0, 0, TC_VMD_SIDE - 1.5}};
-  tc_splats *cut = tc_splats_cut(large, plane, 1, NULL, NULL);
+  tc_splats *cut = tc_splats_cut(large, s, plane, 1, NULL, NULL);
   assert_int_equal(cut->n, 6);
   tc_splats_free(cut);
   tc_splats_free(s);

@@ -78,7 +78,7 @@ static void fill_block(const drawing *d, splat_block *b) {
   memcpy(b->weights, g->weights, sizeof g->weights);
 }
 
-/* Words, their insets, four a word, and the entries of their voxels' looks, the colour's in the low half. */
+/* Words, their insets, four a word, of a cut the rims, and the entries of their voxels' looks, the colour's in the low half. */
 typedef struct packing {
   const tc_splats *of;
   const tc_splat_look *look;
@@ -86,7 +86,9 @@ typedef struct packing {
 
 static size_t words_size(const tc_splats *s) { return (s->n * sizeof(uint32_t) + 31) / 16 * 16; }
 
-static size_t looks_at(const tc_splats *s) { return words_size(s) + (s->n + 15) / 16 * 16; }
+static size_t rims_at(const tc_splats *s) { return words_size(s) + (s->n + 15) / 16 * 16; }
+
+static size_t looks_at(const tc_splats *s) { return rims_at(s) + (s->rims ? words_size(s) : 0); }
 
 static size_t packed_bytes(const void *thing) {
   const packing *p = thing;
@@ -98,6 +100,7 @@ static bool pack_words(const void *thing, void *bytes, const tc_halt *halt) {
   memset(bytes, 0, packed_bytes(p));
   memcpy(bytes, p->of->words, p->of->n * sizeof *p->of->words);
   memcpy((uint8_t *)bytes + words_size(p->of), p->of->insets, p->of->n);
+  if (p->of->rims) memcpy((uint8_t *)bytes + rims_at(p->of), p->of->rims, p->of->n * sizeof *p->of->rims);
   return true;
 }
 
@@ -217,6 +220,7 @@ static bool run_pass(drawing *d, int pass, const int tile[4]) {
     glBindBufferBase(GL_SHADER_STORAGE_BUFFER, 4, d->words[cut]->buffer);
     glProgramUniform1ui(d->gl->programs[pass], 1, (GLuint)from);
     glProgramUniform1ui(d->gl->programs[pass], 2, d->look ? (GLuint)(looks_at(of[cut]) / sizeof(uint32_t)) : 0);
+    glProgramUniform1ui(d->gl->programs[pass], 6, cut ? (GLuint)(rims_at(of[cut]) / sizeof(uint32_t)) : 0);
     glProgramUniform1ui(d->gl->programs[pass], 5, (GLuint)(words_size(of[cut]) / sizeof(uint32_t)));
     glDispatchCompute((GLuint)(i - from), (GLuint)bands, 1);
     d->gl->job->frame->stats.samples += n;

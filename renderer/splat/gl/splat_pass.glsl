@@ -2,17 +2,19 @@
 // weights and normals of what is not behind them. PASS 4, translucent: optical depths and colours of a sheet of voxels.
 struct Entry { vec4 at, eye; uvec4 words; vec4 starts[3]; }; // splat_entry of splat.c
 layout(std430, binding = 3) readonly buffer Table { vec4 table[]; }; // tc_splat_look_table()
-layout(std430, binding = 4) readonly buffer Words { uint words[]; }; // of splats; their insets; and, where they have colours, of their looks
+layout(std430, binding = 4) readonly buffer Words { uint words[]; }; // of splats; their insets; of a cut the rims; and, where they have colours, of their looks
 layout(std430, binding = 5) readonly buffer Entries { Entry entries[]; };
 layout(location = 1) uniform uint first_entry;
 layout(location = 2) uniform uint first_look; // 0: of one colour
 layout(location = 4) uniform int rows;         // of the tile, to each work-group of a brick
 layout(location = 5) uniform uint first_inset;
+layout(location = 6) uniform uint first_rim; // 0: no cut's
 layout(location = 3) uniform uvec2 sheet;      // PASS 4: four times the axis; a voxel's place along it in its brick
 
 // cut: a plane may cut it; then origin is the point that is seen at its place, index coordinates from the brick's voxel 0, and
-// cut_x and cut_y are the steps on the surface that a pixel is.
-struct Footprint { vec2 at; float z; vec3 q; vec2 reach; float own; uint word, inset, look; bool cut; vec3 origin, cut_x, cut_y; };
+// cut_x and cut_y are the steps on the surface that a pixel is. Of a cut's face the object's surface may cut it: it ends where
+// dot(rim.xyz, place) > rim.w.
+struct Footprint { vec2 at; float z; vec3 q; vec2 reach; float own; uint word, inset, look; bool cut; vec3 origin, cut_x, cut_y; vec4 rim; };
 
 uint seen_faces(Entry e, vec3 d) {
   uint seen = 0u;
@@ -56,10 +58,13 @@ float core_of(Shape s, vec3 eye) {
   return mix(s.along, max(min(s.along / splat.core_root, 1.0), s.along), thick);
 }
 
-Shape shape_of(uint word, uint stored, vec3 eye, inout vec3 at) {
+vec3 axis_of(uint word) {
   vec3 n = unfolded(word);
-  Shape s = Shape(normalize(vec3(dot(splat.covariant[0].xyz, n), dot(splat.covariant[1].xyz, n), dot(splat.covariant[2].xyz, n))), 1.0, 1.0,
-                  0.0, 0.0, is_thin(word) && stored >> 6 == SHEET, false);
+  return normalize(vec3(dot(splat.covariant[0].xyz, n), dot(splat.covariant[1].xyz, n), dot(splat.covariant[2].xyz, n)));
+}
+
+Shape shape_of(uint word, uint stored, vec3 eye, inout vec3 at) {
+  Shape s = Shape(axis_of(word), 1.0, 1.0, 0.0, 0.0, is_thin(word) && stored >> 6 == SHEET, false);
   if (stored == 0u)
     return s;
   vec3 way = vec3(dot(splat.axis[0].xyz, s.axis), dot(splat.axis[1].xyz, s.axis), dot(splat.axis[2].xyz, s.axis));
@@ -86,8 +91,8 @@ Shape shape_of(uint word, uint stored, vec3 eye, inout vec3 at) {
 
 vec3 stretched(Shape s, vec3 row) { return fma(vec3((s.along - s.across) * dot(row, s.axis)), s.axis, row * s.across); }
 
-// find_cuts() of tile_tmpl.h.
-void set_cut(Shape own, vec3 d, vec3 jx, vec3 jy, inout Footprint f) {
+// find_cuts() of cut_tmpl.h. rim: of a cut.
+void set_cut(Shape own, vec3 d, vec3 jx, vec3 jy, uint rim, inout Footprint f) {
   vec3 area = cross(jx, jy), normal = splat.axis[2].xyz;
   float facing = dot(own.axis, area);
   if (own.on_surface && dot(area, area) * 0.01 < facing * facing)
@@ -95,10 +100,12 @@ void set_cut(Shape own, vec3 d, vec3 jx, vec3 jy, inout Footprint f) {
   float inverse = 1.0 / dot(normal, area), shift = own.surface - own.middle;
   f.cut_x = cross(jy, normal) * inverse, f.cut_y = cross(normal, jx) * inverse;
   f.origin = d + own.axis * own.surface - f.cut_x * (dot(jx, own.axis) * shift) - f.cut_y * (dot(jy, own.axis) * shift);
+  vec3 out_of = axis_of(rim);
+  f.rim = (rim & 255u) == 0u ? vec4(0.0, 0.0, 0.0, 1.0) : vec4(out_of, (float(rim & 255u) - 1.0) / 254.0 + dot(out_of, d));
 }
 
 // False: it is not seen, or does not meet the tile.
-bool project(Entry e, uint word, uint stored, out Footprint f) {
+bool project(Entry e, uint word, uint stored, uint rim, out Footprint f) {
   vec3 d = vec3(word & 15u, word >> 4 & 15u, word >> 8 & 15u);
   uint faces = word >> 12 & 63u & ((e.words.z & 256u) != 0u ? seen_faces(e, d) : e.words.z);
   vec3 at = vec3(along(0, d, e.at.x), along(1, d, e.at.y), along(2, d, e.at.z));
@@ -108,7 +115,7 @@ bool project(Entry e, uint word, uint stored, out Footprint f) {
   float x = at.x, y = at.y, u = 0.0, v = 0.0, scale = splat.scale;
   f.word = word, f.inset = stored, f.cut = (e.words.z & 512u) != 0u;
   f.z = at.z;
-  if ((PASS != 4 && faces == 0u) || !(splat.near_mm < f.z) || (f.cut && !kept(e, d, own.front ? fma(sqrt(splat.radius2), fma(LONG - 1.0, splat.move, 1.0), splat.move) : 0.0)))
+  if ((PASS != 4 && faces == 0u) || !(splat.near_mm < f.z) || (f.cut && first_rim == 0u && !kept(e, d, own.front ? fma(sqrt(splat.radius2), fma(LONG - 1.0, splat.move, 1.0), splat.move) : 0.0)))
     return false;
   if (splat.perspective != 0) {
     float inverse = 1.0 / f.z;
@@ -121,7 +128,7 @@ bool project(Entry e, uint word, uint stored, out Footprint f) {
   vec3 jx = splat.axis[0].xyz - u * splat.axis[2].xyz, jy = splat.axis[1].xyz - v * splat.axis[2].xyz;
 #if PASS != 4
   if (f.cut)
-    set_cut(own, d, jx * scale, jy * scale, f);
+    set_cut(own, d, jx * scale, jy * scale, rim, f);
 #endif
   jx = stretched(own, jx), jy = stretched(own, jy);
   vec3 across = cross(jx, jy);
@@ -140,7 +147,8 @@ bool project(Entry e, uint word, uint stored, out Footprint f) {
 
 bool is_cut(Entry e, Footprint f, vec2 p) {
   vec2 d = p + 0.5 - f.at;
-  return f.cut && !kept(e, f.origin + f.cut_x * d.x + f.cut_y * d.y, 0.0);
+  vec3 place = f.origin + f.cut_x * d.x + f.cut_y * d.y;
+  return f.cut && (first_rim != 0u ? dot(f.rim.xyz, place) > f.rim.w : !kept(e, place, 0.0));
 }
 
 float distance_at(Footprint f, vec2 p) {
@@ -292,7 +300,7 @@ void main() {
     Footprint f;
     uint word = words[e.words.x + i];
     uint inset = words[first_inset + (e.words.x + i >> 2)] >> 8 * (e.words.x + i & 3u) & 255u;
-    if ((PASS == 4 && (word >> sheet.x & 15u) != sheet.y) || !project(e, word, inset, f))
+    if ((PASS == 4 && (word >> sheet.x & 15u) != sheet.y) || !project(e, word, inset, first_rim != 0u ? words[first_rim + e.words.x + i] : 0u, f))
       continue;
     f.look = first_look != 0u ? words[first_look + e.words.x + i] : 0u;
     vec2 r = f.reach;
