@@ -4,7 +4,7 @@
 /* Where planes cut the splats of a batch: a pixel dx, dy from splat i's place is kept if at + x dx + y dy >= 0 for each. */
 typedef struct cuts {
   int n;
-  float at[TC_MAX_CLIP_PLANES][V_LANES], x[TC_MAX_CLIP_PLANES][V_LANES], y[TC_MAX_CLIP_PLANES][V_LANES];
+  float at[TC_MAX_CLIP_PLANES + 1][V_LANES], x[TC_MAX_CLIP_PLANES + 1][V_LANES], y[TC_MAX_CLIP_PLANES + 1][V_LANES];
 } cuts;
 
 V_INLINE void cross_of(const vf a[3], const vf b[3], vf to[3]) {
@@ -59,16 +59,22 @@ V_INLINE void find_cuts(const tc_splat_args *g, const tc_splat_entry *e, const t
   vf dx = zero, dy = zero; /* from the splat's place to where the surface's point is seen */
   for (int k = 0; k < 3; k++)
     dx = v_fma(jx[k], own.axis[k] * shift, dx), dy = v_fma(jy[k], own.axis[k] * shift, dy);
-  to->n = 0;
-  if (e->of->cut) {
-    cut_by_rim(g, e->of, first, &own, across_x, across_y, dx, dy, to);
-    return;
+  /* Of a cut the nearest plane is the face's, and does not cut the face; one that two planes lay open on opposite sides is a ball. */
+  const vm all = e->of->cut ? v_le(v_float(v_load_bytes(e->of->insets + first)), zero) : v_le(zero, zero);
+  vf away[TC_MAX_CLIP_PLANES], least = v_set(1e30f);
+  for (int i = 0; i < g->n_planes; i++) {
+    away[i] = along_plane(g->planes[i], d) + v_set(plane_start(g, e, i));
+    least = v_min(least, v_abs(away[i]) * v_set((float)(1 / length3(g->planes[i]))));
   }
-  for (int i = 0; i < g->n_planes; i++, to->n++) {
+  for (int i = 0; i < g->n_planes; i++) {
     const vf x = along_plane(g->planes[i], across_x), y = along_plane(g->planes[i], across_y);
-    const vf away = along_plane(g->planes[i], d) + v_set(plane_start(g, e, i));
-    v_store(to->at[i], v_fnma(x, dx, v_fnma(y, dy, away))), v_store(to->x[i], x), v_store(to->y[i], y);
+    const vf others = (least + v_set(TC_SPLAT_ON_FACE)) * v_set((float)length3(g->planes[i]));
+    const vm cuts_it = m_or(all, v_lt(others, v_abs(away[i])));
+    v_store(to->at[i], v_select(cuts_it, v_fnma(x, dx, v_fnma(y, dy, away[i])), zero));
+    v_store(to->x[i], v_select(cuts_it, x, zero)), v_store(to->y[i], v_select(cuts_it, y, zero));
   }
+  to->n = g->n_planes;
+  if (e->of->cut) cut_by_rim(g, e->of, first, &own, across_x, across_y, dx, dy, to);
 }
 
 /* Pixels of `in` that no plane cuts off splat i. cut: NULL if no plane meets its brick. */

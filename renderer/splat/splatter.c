@@ -198,9 +198,18 @@ static void set_seen(tc_splat_entry *e) {
   e->mixed = all != some;
 }
 
+/* Whether the object's surface ends kernels of a cut's brick. */
+static bool has_rims(const tc_splats *of, const tc_splat_brick *b) {
+  bool any = false;
+  for (uint32_t i = b->first; i < b->first + b->count && !any; i++) any = of->rims[i] != 0;
+  return any;
+}
+
 /* False: clipped away as a whole. */
 static bool set_clipped(const drawing *d, tc_splat_entry *e) {
-  for (int i = 0; i < d->args.n_planes && !e->of->cut; i++) {
+  int near = 0;
+  bool away = false;
+  for (int i = 0; i < d->args.n_planes; i++) {
     const double *p = d->planes[i];
     double middle = p[3], half = 0;
     for (int k = 0; k < 3; k++) {
@@ -208,17 +217,12 @@ static bool set_clipped(const drawing *d, tc_splat_entry *e) {
       half += fabs(p[k]) * 7.5;
     }
     const double beyond = (double)d->args.beyond * length3(p);
-    e->clipped |= middle - half < beyond + 1e-3;
-    if (middle + half < -beyond) return false;
+    near += middle - half < beyond + 1e-3;
+    away |= middle + half < -beyond;
   }
-  return true;
-}
-
-/* Whether the object's surface ends kernels of a cut's brick. */
-static bool has_rims(const tc_splats *of, const tc_splat_brick *b) {
-  bool any = false;
-  for (uint32_t i = b->first; of->rims && i < b->first + b->count && !any; i++) any = of->rims[i] != 0;
-  return any;
+  /* of a cut one plane is the face's */
+  e->clipped = e->of->cut ? d->args.move > 0 && (near > 1 || has_rims(e->of, &e->brick)) : near > 0;
+  return e->of->cut || !away;
 }
 
 /* The box of pixels that hold all footprints; false: out of the picture. */
@@ -266,7 +270,6 @@ static bool enter(const drawing *d, const tc_splats *of, const tc_splat_brick *b
   }
   set_seen(e);
   if (!set_clipped(d, e) && d->args.culling) return false;
-  if (d->args.opaque && d->args.move > 0) e->clipped |= has_rims(of, b);
   if (!set_box(d, e, middle, half, size_mm) && d->args.culling) return false;
   return (b->faces & e->seen) || !d->args.culling || !d->args.opaque;
 }

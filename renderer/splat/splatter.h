@@ -10,8 +10,8 @@
  * touch the surface from within, sheets, and lines whose voxels touch by corners alone. Lines are lit as cylinders and
  * single voxels as balls (round_tmpl.h).
  *
- * The clip box and planes cut surfaces pixel by pixel (cut_tmpl.h) and lay open what is inside (tc_splats_cut()); a
- * translucent object loses whole voxels.
+ * The clip box and planes cut surfaces pixel by pixel (cut_tmpl.h) and lay open what is inside (tc_splats_cut()); the face
+ * ends where the surface does. A translucent object loses whole voxels.
  *
  * Culling changes no bit of the picture. It leaves out interior voxels, bricks and splats whose free faces look away,
  * those outside the picture, and those behind the depths of a first pass. What these leave is kept as it was projected,

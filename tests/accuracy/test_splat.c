@@ -629,6 +629,37 @@ TEST(a_cut_face_ends_at_the_surface) {
   }
 }
 
+/* Where two planes meet, the face of one ends at the other in a straight line. */
+TEST(a_cut_face_ends_at_other_planes) {
+  enum { LARGE_SIDE = 300 };
+  g_auto(object) o = object_of(&cube, blob, ball);
+  g_auto(drawing) d = {0};
+  for (int i = 0; i < 4; i++) {
+    g_auto(tc_scene) scene;
+    look(&scene, &o, 7 + 2 * i, 4);
+    scene.image.width = scene.image.height = LARGE_SIDE;
+    const double some[3] = {0.3 + 0.2 * i, -0.5, 0.7}; /* not along an axis */
+    double ahead[3], across[3], way[3], over = 0, under = 0;
+    for (int k = 0; k < 3; k++) ahead[k] = scene.camera.target[k] - scene.camera.position[k];
+    for (int k = 0; k < 3; k++) across[k] = some[(k + 1) % 3] * ahead[(k + 2) % 3] - some[(k + 2) % 3] * ahead[(k + 1) % 3];
+    cut_along(&scene, across, 0);
+    memcpy(scene.clip.planes[1], scene.clip.planes[0], sizeof scene.clip.planes[0]);
+    cut_along(&scene, ahead, 0);
+    scene.clip.n_planes = 2;
+    draw_now(&o, &scene, (wish){0}, &d);
+    tc_rays rays;
+    tc_rays_set_up(&rays, o.volume, &scene, LARGE_SIDE, LARGE_SIDE);
+    for (int p = 0; p < LARGE_SIDE * LARGE_SIDE; p++) {
+      ray_of(&rays, p % LARGE_SIDE, p / LARGE_SIDE, way);
+      const double kept = dot3(way, scene.clip.planes[1]) * length3(ahead) / dot3(way, scene.clip.planes[0]); /* on the face */
+      if (d.frame.linear[4 * p + 3] > 0.5f) over = fmax(over, -kept);
+      else under = fmax(under, kept);
+    }
+    print_message("view %d: %.2f voxels beyond the other plane, %.2f missing before it\n", i, over, under);
+    assert_true(over < 0.2 && under < 0.3);
+  }
+}
+
 /* Seen along the plane, the cut is a straight line: neither stairs of voxels nor what of kernels lies beyond. */
 TEST(a_cut_ends_at_its_plane) {
   g_auto(object) o = object_of(&cube, blob, ball);

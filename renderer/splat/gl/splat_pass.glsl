@@ -12,9 +12,9 @@ layout(location = 6) uniform uint first_rim; // 0: no cut's
 layout(location = 3) uniform uvec2 sheet;      // PASS 4: four times the axis; a voxel's place along it in its brick
 
 // cut: a plane may cut it; then origin is the point that is seen at its place, index coordinates from the brick's voxel 0, and
-// cut_x and cut_y are the steps on the surface that a pixel is. Of a cut's face the object's surface may cut it: it ends where
-// dot(rim.xyz, place) > rim.w.
-struct Footprint { vec2 at; float z; vec3 q; vec2 reach; float own; uint word, inset, look; bool cut; vec3 origin, cut_x, cut_y; vec4 rim; };
+// cut_x and cut_y are the steps on the surface that a pixel is. planes: those that cut it, bits. Of a cut's face the object's
+// surface may cut it, too: it ends where dot(rim.xyz, place) > rim.w.
+struct Footprint { vec2 at; float z; vec3 q; vec2 reach; float own; uint word, inset, look; bool cut; vec3 origin, cut_x, cut_y; vec4 rim; uint planes; };
 
 uint seen_faces(Entry e, vec3 d) {
   uint seen = 0u;
@@ -24,10 +24,15 @@ uint seen_faces(Entry e, vec3 d) {
   return seen;
 }
 
-// beyond: voxels that a point may lie beyond a plane.
-bool kept(Entry e, vec3 d, float beyond) {
+// How far a point is on the kept side of plane i.
+float away(Entry e, int i, vec3 d) {
+  return fma(d.z, splat.planes[i].z, fma(d.y, splat.planes[i].y, d.x * splat.planes[i].x)) + e.starts[i / 4][i % 4];
+}
+
+// planes: those that count, bits. beyond: voxels that a point may lie beyond one.
+bool kept(Entry e, uint planes, vec3 d, float beyond) {
   for (int i = 0; i < splat.n_planes; i++)
-    if (fma(d.z, splat.planes[i].z, fma(d.y, splat.planes[i].y, d.x * splat.planes[i].x)) + e.starts[i / 4][i % 4] < -beyond * length(splat.planes[i].xyz))
+    if ((planes >> i & 1u) != 0u && away(e, i, d) < -beyond * length(splat.planes[i].xyz))
       return false;
   return true;
 }
@@ -45,6 +50,8 @@ vec3 unfolded(uint word) {
   return n * (1.0 / sqrt(dot(n, n)));
 }
 
+const float ON_FACE = 1e-3; // TC_SPLAT_ON_FACE
+const uint ALL = ~0u;
 const float FLAT = 0.4, LONG = 1.3, ASLANT = 0.3; // TC_SPLAT_FLAT, TC_SPLAT_LONG, TC_SPLAT_ASLANT
 const uint SHEET = 0u, END = 2u, DOT = 3u; // tc_splat_thin
 
@@ -92,7 +99,7 @@ Shape shape_of(uint word, uint stored, vec3 eye, inout vec3 at) {
 vec3 stretched(Shape s, vec3 row) { return fma(vec3((s.along - s.across) * dot(row, s.axis)), s.axis, row * s.across); }
 
 // find_cuts() of cut_tmpl.h. rim: of a cut.
-void set_cut(Shape own, vec3 d, vec3 jx, vec3 jy, uint rim, inout Footprint f) {
+void set_cut(Entry e, Shape own, vec3 d, vec3 jx, vec3 jy, uint rim, inout Footprint f) {
   vec3 area = cross(jx, jy), normal = splat.axis[2].xyz;
   float facing = dot(own.axis, area);
   if (own.on_surface && dot(area, area) * 0.01 < facing * facing)
@@ -100,6 +107,16 @@ void set_cut(Shape own, vec3 d, vec3 jx, vec3 jy, uint rim, inout Footprint f) {
   float inverse = 1.0 / dot(normal, area), shift = own.surface - own.middle;
   f.cut_x = cross(jy, normal) * inverse, f.cut_y = cross(normal, jx) * inverse;
   f.origin = d + own.axis * own.surface - f.cut_x * (dot(jx, own.axis) * shift) - f.cut_y * (dot(jy, own.axis) * shift);
+  f.planes = ALL;
+  if (first_rim != 0u && f.inset != 0u) {
+    vec3 place = d + own.axis * own.surface;
+    float least = 1e30;
+    for (int i = 0; i < splat.n_planes; i++)
+      least = min(least, abs(away(e, i, place)) / length(splat.planes[i].xyz));
+    f.planes = 0u;
+    for (int i = 0; i < splat.n_planes; i++)
+      f.planes |= uint(abs(away(e, i, place)) > (least + ON_FACE) * length(splat.planes[i].xyz)) << i;
+  }
   vec3 out_of = axis_of(rim);
   f.rim = (rim & 255u) == 0u ? vec4(0.0, 0.0, 0.0, 1.0) : vec4(out_of, (float(rim & 255u) - 1.0) / 254.0 + dot(out_of, d));
 }
@@ -115,7 +132,7 @@ bool project(Entry e, uint word, uint stored, uint rim, out Footprint f) {
   float x = at.x, y = at.y, u = 0.0, v = 0.0, scale = splat.scale;
   f.word = word, f.inset = stored, f.cut = (e.words.z & 512u) != 0u;
   f.z = at.z;
-  if ((PASS != 4 && faces == 0u) || !(splat.near_mm < f.z) || (f.cut && first_rim == 0u && !kept(e, d, own.front ? fma(sqrt(splat.radius2), fma(LONG - 1.0, splat.move, 1.0), splat.move) : 0.0)))
+  if ((PASS != 4 && faces == 0u) || !(splat.near_mm < f.z) || (f.cut && first_rim == 0u && !kept(e, ALL, d, own.front ? fma(sqrt(splat.radius2), fma(LONG - 1.0, splat.move, 1.0), splat.move) : 0.0)))
     return false;
   if (splat.perspective != 0) {
     float inverse = 1.0 / f.z;
@@ -128,7 +145,7 @@ bool project(Entry e, uint word, uint stored, uint rim, out Footprint f) {
   vec3 jx = splat.axis[0].xyz - u * splat.axis[2].xyz, jy = splat.axis[1].xyz - v * splat.axis[2].xyz;
 #if PASS != 4
   if (f.cut)
-    set_cut(own, d, jx * scale, jy * scale, rim, f);
+    set_cut(e, own, d, jx * scale, jy * scale, rim, f);
 #endif
   jx = stretched(own, jx), jy = stretched(own, jy);
   vec3 across = cross(jx, jy);
@@ -148,7 +165,7 @@ bool project(Entry e, uint word, uint stored, uint rim, out Footprint f) {
 bool is_cut(Entry e, Footprint f, vec2 p) {
   vec2 d = p + 0.5 - f.at;
   vec3 place = f.origin + f.cut_x * d.x + f.cut_y * d.y;
-  return f.cut && (first_rim != 0u ? dot(f.rim.xyz, place) > f.rim.w : !kept(e, place, 0.0));
+  return f.cut && (!kept(e, f.planes, place, 0.0) || (first_rim != 0u && dot(f.rim.xyz, place) > f.rim.w));
 }
 
 float distance_at(Footprint f, vec2 p) {
