@@ -239,7 +239,7 @@ static bool died(session *s, GError **error) {
                 ? "the decoder was stopped: it needed more than it is allowed"
                 : "the decoder crashed on this input, which is probably damaged";
     else if (WIFEXITED(s->status) && WEXITSTATUS(s->status) == 127)
-      how = "the decoder did not start";
+      how = "the decoder did not start: one of its libraries is missing (ldd tomocast-import, -dicom or -minc names it)";
   }
   tc_set_error(error, TC_ERROR_FORMAT, NULL, "%s", how);
   return false;
