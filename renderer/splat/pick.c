@@ -150,29 +150,31 @@ static bool holds(const pick *p, const double to[3], const double axis[3], doubl
   return q <= (double)g->core * whole;
 }
 
-static bool kept_by_planes(const pick *p, const double at[3]) {
+/* but: a plane that does not count; -1: all do. */
+static bool kept_by_planes(const pick *p, const double at[3], int but) {
   const tc_splat_args *g = &p->frame.args;
   for (int i = 0; i < g->n_planes; i++)
-    if (dot3(g->planes[i], at) + g->planes[i][3] < 0) return false;
+    if (i != but && dot3(g->planes[i], at) + g->planes[i][3] < 0) return false;
   return true;
 }
 
-/* Whether a plane cuts off a neighbour of the voxel, and the ray meets the plane no further than `out` along the axis from the
- * voxel: there the face of the cut ends. */
-static bool meets_face(const pick *p, const int voxel[3], const double plane[4], const double axis[3], double out) {
+/* Whether plane i cuts off a neighbour of the voxel, and the ray meets the plane where the face of the cut is: within the other
+ * planes, and no further than `out` along the axis from the voxel. */
+static bool meets_face(const pick *p, const int voxel[3], int i, const double axis[3], double out) {
+  const double *const plane = p->frame.args.planes[i];
   const double at[3] = {voxel[0], voxel[1], voxel[2]}, away = dot3(plane, at) + plane[3];
   if (!(away - fmax(fabs(plane[0]), fmax(fabs(plane[1]), fabs(plane[2]))) < 0)) return false;
   const double t = -(dot3(plane, p->at) + plane[3]) / dot3(plane, p->along);
-  double from[3];
-  for (int k = 0; k < 3; k++) from[k] = p->at[k] + t * p->along[k] - at[k];
-  return !(dot3(axis, from) > out);
+  double on[3], from[3];
+  for (int k = 0; k < 3; k++) on[k] = p->at[k] + t * p->along[k], from[k] = on[k] - at[k];
+  return kept_by_planes(p, on, i) && !(dot3(axis, from) > out);
 }
 
 /* Whether planes leave the voxel and lay it open where the ray passes. out: where its surface is along the axis. */
 static bool is_laid_open(const pick *p, const int voxel[3], const double axis[3], double out) {
   bool open = false;
-  for (int i = 0; i < p->frame.args.n_planes; i++) open |= meets_face(p, voxel, p->frame.args.planes[i], axis, out);
-  return open && kept_by_planes(p, (double[]){voxel[0], voxel[1], voxel[2]});
+  for (int i = 0; i < p->frame.args.n_planes; i++) open |= meets_face(p, voxel, i, axis, out);
+  return open && kept_by_planes(p, (double[]){voxel[0], voxel[1], voxel[2]}, -1);
 }
 
 /* Whether planes leave what the ray meets of the voxel: of a surface that faces the eye, `out` along the axis from it, a part
@@ -180,10 +182,10 @@ static bool is_laid_open(const pick *p, const int voxel[3], const double axis[3]
 static bool is_left(const pick *p, const int voxel[3], const double to[3], bool shaped, const double axis[3], double out) {
   const double facing = dot3(axis, p->along);
   if (!p->frame.args.n_planes) return true;
-  if (!shaped || facing > -0.1 * length3(p->along)) return kept_by_planes(p, (double[]){voxel[0], voxel[1], voxel[2]});
+  if (!shaped || facing > -0.1 * length3(p->along)) return kept_by_planes(p, (double[]){voxel[0], voxel[1], voxel[2]}, -1);
   double at[3];
   for (int k = 0; k < 3; k++) at[k] = p->at[k] + (dot3(axis, to) + out) / facing * p->along[k];
-  return kept_by_planes(p, at) || is_laid_open(p, voxel, axis, out / fmax((double)p->frame.args.move, 1e-3));
+  return kept_by_planes(p, at, -1) || is_laid_open(p, voxel, axis, out / fmax((double)p->frame.args.move, 1e-3));
 }
 
 /* Whether the voxel is drawn and its core holds the pixel's middle. *value: the voxel's; *t: distance of its drawn position,
