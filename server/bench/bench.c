@@ -354,6 +354,14 @@ static bool check_folder(const char *path, GError **error) {
   return good;
 }
 
+/* A wrong name is said at once, not after volumes were loaded and references integrated. */
+static bool check_isa(const char *isa, GError **error) {
+  const tc_renderer_options options = {.backend = TC_BACKEND_CPU, .isa = isa, .threads = 1};
+  tc_renderer *renderer = tc_renderer_new(&options, error);
+  tc_renderer_free(renderer);
+  return renderer != NULL;
+}
+
 static bool parse(bench *b, int argc, char **argv, GError **error) {
   arguments *a = &b->args;
   const GOptionEntry entries[] = {
@@ -387,6 +395,7 @@ static bool parse(bench *b, int argc, char **argv, GError **error) {
     return false;
   }
   if (a->json && strcmp(a->json, "-") && !check_folder(a->json, error)) return false;
+  if (a->isa && !check_isa(a->isa, error)) return false;
   if (a->paper && strcmp(a->paper, "003") && strcmp(a->paper, "004") && !tcs_paper_known(a->paper)) {
     tc_set_error(error, TC_ERROR_INVALID, NULL, "--paper %s: 000 or 001 expected, or 003 or 004", a->paper);
     return false;
