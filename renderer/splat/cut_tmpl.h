@@ -28,6 +28,23 @@ V_INLINE void cut_by_rim(const tc_splat_args *g, const tc_splats *of, uint32_t f
   to->n++;
 }
 
+/* Of a cut, the plane nearest to a splat is its face's and does not cut the face. A voxel that two planes lay open on opposite
+ * sides has no face and is drawn as a ball, which every plane cuts. d: the splats' points on their faces. */
+V_INLINE void spare_faces(const tc_splat_args *g, const tc_splat_entry *e, uint32_t first, const vf d[3], cuts *to) {
+  const vf zero = v_set(0);
+  const vm ball = v_le(v_float(v_load_bytes(e->of->insets + first)), zero);
+  vf away[TC_MAX_CLIP_PLANES], least = v_set(1e30f); /* voxels */
+  for (int i = 0; i < g->n_planes; i++) {
+    away[i] = v_abs(along_plane(g->planes[i], d) + v_set(plane_start(g, e, i))) * v_set((float)(1 / length3(g->planes[i])));
+    least = v_min(least, away[i]);
+  }
+  for (int i = 0; i < g->n_planes; i++) {
+    const vm cuts_it = m_or(ball, v_lt(least + v_set(TC_SPLAT_ON_FACE), away[i]));
+    v_store(to->at[i], v_select(cuts_it, v_load(to->at[i]), zero));
+    v_store(to->x[i], v_select(cuts_it, v_load(to->x[i]), zero)), v_store(to->y[i], v_select(cuts_it, v_load(to->y[i]), zero));
+  }
+}
+
 /* A splat of a surface is cut as its tangent plane is; one that is seen edge-on, or lies on no surface, as a plane across the view.
  * The splats are projected again, which only bricks near a plane pay for. */
 V_INLINE void find_cuts(const tc_splat_args *g, const tc_splat_entry *e, const tc_splat_tile *t, uint32_t first, cuts *to) {
@@ -59,22 +76,15 @@ V_INLINE void find_cuts(const tc_splat_args *g, const tc_splat_entry *e, const t
   vf dx = zero, dy = zero; /* from the splat's place to where the surface's point is seen */
   for (int k = 0; k < 3; k++)
     dx = v_fma(jx[k], own.axis[k] * shift, dx), dy = v_fma(jy[k], own.axis[k] * shift, dy);
-  /* Of a cut the nearest plane is the face's, and does not cut the face; one that two planes lay open on opposite sides is a ball. */
-  const vm all = e->of->cut ? v_le(v_float(v_load_bytes(e->of->insets + first)), zero) : v_le(zero, zero);
-  vf away[TC_MAX_CLIP_PLANES], least = v_set(1e30f);
-  for (int i = 0; i < g->n_planes; i++) {
-    away[i] = along_plane(g->planes[i], d) + v_set(plane_start(g, e, i));
-    least = v_min(least, v_abs(away[i]) * v_set((float)(1 / length3(g->planes[i]))));
-  }
+  to->n = g->n_planes;
   for (int i = 0; i < g->n_planes; i++) {
     const vf x = along_plane(g->planes[i], across_x), y = along_plane(g->planes[i], across_y);
-    const vf others = (least + v_set(TC_SPLAT_ON_FACE)) * v_set((float)length3(g->planes[i]));
-    const vm cuts_it = m_or(all, v_lt(others, v_abs(away[i])));
-    v_store(to->at[i], v_select(cuts_it, v_fnma(x, dx, v_fnma(y, dy, away[i])), zero));
-    v_store(to->x[i], v_select(cuts_it, x, zero)), v_store(to->y[i], v_select(cuts_it, y, zero));
+    const vf away = along_plane(g->planes[i], d) + v_set(plane_start(g, e, i));
+    v_store(to->at[i], v_fnma(x, dx, v_fnma(y, dy, away))), v_store(to->x[i], x), v_store(to->y[i], y);
   }
-  to->n = g->n_planes;
-  if (e->of->cut) cut_by_rim(g, e->of, first, &own, across_x, across_y, dx, dy, to);
+  if (!e->of->cut) return;
+  spare_faces(g, e, first, d, to);
+  cut_by_rim(g, e->of, first, &own, across_x, across_y, dx, dy, to);
 }
 
 /* Pixels of `in` that no plane cuts off splat i. cut: NULL if no plane meets its brick. */

@@ -6,8 +6,9 @@
 
 #include "renderer/scene/scene.h"
 
-/* In ascending order: the last one that runs has the best instruction set. Without neighbourhoods, the head phantom took 33 ms by
- * loads and 24 by gathers on an Intel Xeon of 2023, and 21 and 25 on an AMD EPYC (Zen 4). The AVX2 kernels do not gather, which was slower on both. */
+/* In ascending order: the last one that runs has the best instruction set. Without neighbourhoods, the head phantom took 33 ms
+ * by loads and 24 by gathers on an Intel Xeon of 2023, and 21 and 25 on an AMD EPYC (Zen 4). The AVX2 kernels do not gather:
+ * gathers were slower on both processors. */
 static const tc_cpu_isa isas[] = {
     {"scalar", "scalar", tc_kernel_scalar, tc_surface_kernel_scalar, false, false, 20},
     {"avx2", "avx2", tc_kernel_avx2, tc_surface_kernel_avx2, false, false, 5},

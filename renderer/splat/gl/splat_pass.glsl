@@ -8,7 +8,7 @@ layout(location = 1) uniform uint first_entry;
 layout(location = 2) uniform uint first_look; // 0: of one colour
 layout(location = 4) uniform int rows;         // of the tile, to each work-group of a brick
 layout(location = 5) uniform uint first_inset;
-layout(location = 6) uniform uint first_rim; // 0: no cut's
+layout(location = 6) uniform uint first_rim; // 0: the splats of the whole object
 layout(location = 3) uniform uvec2 sheet;      // PASS 4: four times the axis; a voxel's place along it in its brick
 
 // cut: a plane may cut it; then origin is the point that is seen at its place, index coordinates from the brick's voxel 0, and
