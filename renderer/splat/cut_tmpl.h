@@ -4,42 +4,49 @@
 /* Where planes cut the splats of a batch: a pixel dx, dy from splat i's place is kept if at + x dx + y dy >= 0 for each. */
 typedef struct cuts {
   int n;
-  float at[TC_MAX_CLIP_PLANES + 1][V_LANES], x[TC_MAX_CLIP_PLANES + 1][V_LANES], y[TC_MAX_CLIP_PLANES + 1][V_LANES];
+  float at[TC_MAX_CLIP_PLANES + 2][V_LANES], x[TC_MAX_CLIP_PLANES + 2][V_LANES], y[TC_MAX_CLIP_PLANES + 2][V_LANES];
 } cuts;
 
 V_INLINE void cross_of(const vf a[3], const vf b[3], vf to[3]) {
   for (int k = 0; k < 3; k++) to[k] = v_fnma(a[(k + 2) % 3], b[(k + 1) % 3], a[(k + 1) % 3] * b[(k + 2) % 3]);
 }
 
-/* Kernels of a cut's face go no further than the object's surface beside their voxels. own: of the face's splats; across_x,
+V_INLINE void add_cut(vm where, vf at, vf x, vf y, cuts *to) {
+  const vf zero = v_set(0);
+  v_store(to->at[to->n], v_select(where, at, zero)), v_store(to->x[to->n], v_select(where, x, zero));
+  v_store(to->y[to->n++], v_select(where, y, zero));
+}
+
+/* Kernels of a cut's face go no further than the object's surface beside their voxels, of a sheet's than both of its. own: of the face's splats; across_x,
  * across_y: the steps on the face that a pixel is; dx, dy: as in find_cuts(). */
 V_INLINE void cut_by_rim(const tc_splat_args *g, const tc_splats *of, uint32_t first, const shape *own, const vf across_x[3],
                          const vf across_y[3], vf dx, vf dy, cuts *to) {
   const vi rim = v_bits(v_load((const float *)(const void *)(of->rims + first)));
   const vf inset = v_float(v_andi(rim, v_seti(255))), zero = v_set(0);
-  const vm known = v_lt(zero, inset);
+  const vm known = v_lt(zero, inset), sheet = is_thin(rim);
+  const vf half = v_fma(v_fma(inset, v_set(1 / 63.f), v_set(-1)), v_set(g->move), v_set(1)) * v_set(g->touch);
+  const vf out = v_select(sheet, half, (inset - v_set(1)) * v_set(1 / 254.f));
   vf axis[3], x = zero, y = zero, away = zero;
   axis_of(g, rim, axis);
   for (int k = 0; k < 3; k++)
-    x = v_fnma(axis[k], across_x[k], x), y = v_fnma(axis[k], across_y[k], y), away = v_fma(axis[k], own->axis[k], away);
-  away = v_fnma(away, own->surface, (inset - v_set(1)) * v_set(1 / 254.f));
-  v_store(to->at[to->n], v_select(known, v_fnma(x, dx, v_fnma(y, dy, away)), zero));
-  v_store(to->x[to->n], v_select(known, x, zero)), v_store(to->y[to->n], v_select(known, y, zero));
-  to->n++;
+    x = v_fma(axis[k], across_x[k], x), y = v_fma(axis[k], across_y[k], y), away = v_fma(axis[k], own->axis[k], away);
+  away = v_fnma(x, dx, v_fnma(y, dy, away * own->surface));
+  add_cut(known, out - away, zero - x, zero - y, to);
+  if (m_any(sheet)) add_cut(sheet, out + away, x, y, to);
 }
 
-/* Of a cut, the plane nearest to a splat is its face's and does not cut the face. A voxel that two planes lay open on opposite
- * sides has no face and is drawn as a ball, which every plane cuts. d: the splats' points on their faces. */
-V_INLINE void spare_faces(const tc_splat_args *g, const tc_splat_entry *e, uint32_t first, const vf d[3], cuts *to) {
+/* Of a cut, the plane nearest to a splat is its face's and does not cut the face. Lines, single voxels, and voxels that two planes lay
+ * open on opposite sides have no face, and every plane cuts them. d: the splats' points on their faces. */
+V_INLINE void spare_faces(const tc_splat_args *g, const tc_splat_entry *e, vi word, const vf d[3], cuts *to) {
   const vf zero = v_set(0);
-  const vm ball = v_le(v_float(v_load_bytes(e->of->insets + first)), zero);
+  const vm round = is_thin(word);
   vf away[TC_MAX_CLIP_PLANES], least = v_set(1e30f); /* voxels */
   for (int i = 0; i < g->n_planes; i++) {
     away[i] = v_abs(along_plane(g->planes[i], d) + v_set(plane_start(g, e, i))) * v_set((float)(1 / length3(g->planes[i])));
     least = v_min(least, away[i]);
   }
   for (int i = 0; i < g->n_planes; i++) {
-    const vm cuts_it = m_or(ball, v_lt(least + v_set(TC_SPLAT_ON_FACE), away[i]));
+    const vm cuts_it = m_or(round, v_lt(least + v_set(TC_SPLAT_ON_FACE), away[i]));
     v_store(to->at[i], v_select(cuts_it, v_load(to->at[i]), zero));
     v_store(to->x[i], v_select(cuts_it, v_load(to->x[i]), zero)), v_store(to->y[i], v_select(cuts_it, v_load(to->y[i]), zero));
   }
@@ -83,7 +90,7 @@ V_INLINE void find_cuts(const tc_splat_args *g, const tc_splat_entry *e, const t
     v_store(to->at[i], v_fnma(x, dx, v_fnma(y, dy, away))), v_store(to->x[i], x), v_store(to->y[i], y);
   }
   if (!e->of->cut) return;
-  spare_faces(g, e, first, d, to);
+  spare_faces(g, e, word, d, to);
   cut_by_rim(g, e->of, first, &own, across_x, across_y, dx, dy, to);
 }
 

@@ -28,6 +28,9 @@
  * voxels, and in bits 3 to 5 its thickness, from 0.3 on in tenths. */
 typedef enum tc_splat_thin { TC_SPLAT_SHEET, TC_SPLAT_LINE, TC_SPLAT_END, TC_SPLAT_DOT } tc_splat_thin;
 
+/* Whether faces (6 bits) lie opposite each other. */
+static inline bool tc_splat_is_thin(unsigned faces) { return (faces & faces >> 1 & 0x15) != 0; }
+
 /* A brick, whose splats are sorted by their free faces. */
 typedef struct tc_splat_brick {
   uint32_t first, count; /* of its splats */
@@ -42,8 +45,8 @@ typedef struct tc_splats {
   uint8_t *bricks;
   uint32_t *words;   /* [n + TC_SPLAT_PAD] */
   uint8_t *insets;   /* the same */
-  uint32_t *rims;    /* the same; of a cut: where the object's surface passes the voxel, too, the normal in its splat's word (bits
-                        18 to 31) and its inset (bits 0 to 7), else 0. NULL: no cut */
+  uint32_t *rims;    /* the same; of a cut: where the object's surface passes the voxel, too, its splat's word with the inset
+                        in the position's place (bits 0 to 7; lines and single voxels: 0), else 0. NULL: no cut */
   uint32_t n, n_bricks;
   bool cut;          /* clipping left them */
   size_t bytes;

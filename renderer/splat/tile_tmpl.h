@@ -77,6 +77,11 @@ V_INLINE vf along(const tc_splat_args *g, int row, const vf d[3], float start) {
   return v_fma(d[2], v_set(m[2]), v_fma(d[1], v_set(m[1]), v_fma(d[0], v_set(m[0]), v_set(start))));
 }
 
+V_INLINE vm is_thin(vi word) {
+  const vi faces = v_sra(word, 12);
+  return v_lt(v_set(0), v_float(v_andi(v_andi(faces, v_sra(faces, 1)), v_seti(0x15))));
+}
+
 /* Normals of words, unit length: tc_octahedron_unfold(). */
 V_INLINE void unfold(vi word, vf n[3]) {
   const vf zero = v_set(0), one = v_set(1);
@@ -130,8 +135,8 @@ V_INLINE shape shape_of(const tc_splat_args *g, const uint8_t *insets, vi word, 
   shape s;
   axis_of(g, word, s.axis);
   const vf inset = v_float(v_load_bytes(insets));
-  const vi stored = v_trunc(inset), faces = v_sra(word, 12);
-  const vm known = v_lt(zero, inset), thin = v_lt(zero, v_float(v_andi(v_andi(faces, v_sra(word, 13)), v_seti(0x15))));
+  const vi stored = v_trunc(inset);
+  const vm known = v_lt(zero, inset), thin = is_thin(word);
   const vf what = v_float(v_sra(stored, 6)), thick = v_float(v_andi(stored, v_seti(63))) * v_set(1 / 63.f);
   const vm sheet = v_lt(what, one), dot = v_lt(v_set(2), what), end = m_and(thin, m_andnot(v_lt(one, what), dot));
   /* From a core's radius behind an end's voxel to where it ends. */
@@ -401,11 +406,6 @@ V_INLINE void look_at_voxel(const tc_splat_args *g, const tc_splat_entry *e, uin
   int at[3];
   voxel_of(e, splat, at);
   g->matter.of(g->matter.user, at, rgbk);
-}
-
-V_INLINE vm is_thin(vi word) {
-  const vi faces = v_sra(word, 12);
-  return v_lt(v_set(0), v_float(v_andi(v_andi(faces, v_sra(faces, 1)), v_seti(0x15))));
 }
 
 /* Zero stays zero. */

@@ -109,6 +109,45 @@ TEST(a_cut_face_ends_at_the_surface) {
   }
 }
 
+/* A plate along no axis, context[0] voxels thick; 40 voxels a side. */
+static double plate(double x, double y, double z, const void *context) {
+  const double *c = context, p[3] = {x - 19.5, y - 19.5, z - 19.5};
+  double normal[3] = {0.3, 0.9, -0.2};
+  normalise3(normal);
+  return 0.5 * c[0] - fabs(dot3(p, normal));
+}
+
+/* Cut across, sheets and lines of single voxels end where they do elsewhere: no face is wider than the object. */
+TEST(a_cut_is_no_wider_than_thin_objects) {
+  enum { LARGE_SIDE = 400 };
+  const struct { test_field field; double size, most; } objects[] = {{plate, 1, 0.5}, {plate, 1.3, 0.4}, {tubes, 0.7, 0.7}};
+  for (int i = 0; i < (int)G_N_ELEMENTS(objects); i++) {
+    g_auto(object) o = object_of(&cube, objects[i].field, &objects[i].size);
+    g_auto(drawing) d = {0};
+    for (int view = 0; view < 3; view++) {
+      g_auto(tc_scene) scene;
+      look(&scene, &o, 7 + 2 * view, 2); /* perspective */
+      scene.image.width = scene.image.height = LARGE_SIDE;
+      double ahead[3], way[3], over = -1, at[3];
+      int seen = 0;
+      ahead_of(&scene, ahead);
+      cut_along(&scene, ahead, 0);
+      draw_now(&o, &scene, (wish){0}, &d);
+      tc_rays rays;
+      tc_rays_set_up(&rays, o.volume, &scene, LARGE_SIDE, LARGE_SIDE);
+      for (int p = 0; p < LARGE_SIDE * LARGE_SIDE; p++) {
+        ray_of(&rays, p % LARGE_SIDE, p / LARGE_SIDE, way);
+        for (int k = 0; k < 3; k++) at[k] = scene.camera.position[k] + (double)d.frame.depth[p] * way[k];
+        if (!(fabs(dot3(scene.clip.planes[0], at) + scene.clip.planes[0][3]) < 0.3)) continue; /* not the face */
+        over = fmax(over, -objects[i].field(at[0], at[1], at[2], &objects[i].size));
+        seen++;
+      }
+      print_message("object %d, view %d: the cut reaches %.2f voxels beyond the object (%d pixels)\n", i, view, over, seen);
+      assert_true(seen > 100 && over < objects[i].most);
+    }
+  }
+}
+
 /* Where two planes meet, the face of one ends at the other in a straight line. */
 TEST(a_cut_face_ends_at_other_planes) {
   enum { LARGE_SIDE = 300 };

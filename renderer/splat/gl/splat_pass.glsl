@@ -13,8 +13,8 @@ layout(location = 3) uniform uvec2 sheet;      // PASS 4: four times the axis; a
 
 // cut: a plane may cut it; then origin is the point that is seen at its place, index coordinates from the brick's voxel 0, and
 // cut_x and cut_y are the steps on the surface that a pixel is. planes: those that cut it, bits. Of a cut's face the object's
-// surface may cut it, too: it ends where dot(rim.xyz, place) > rim.w.
-struct Footprint { vec2 at; float z; vec3 q; vec2 reach; float own; uint word, inset, look; bool cut; vec3 origin, cut_x, cut_y; vec4 rim; uint planes; };
+// surface may cut it, too: it ends where dot(rim.xyz, place) > rim.w, and of a sheet where it is below back.
+struct Footprint { vec2 at; float z; vec3 q; vec2 reach; float own; uint word, inset, look; bool cut; vec3 origin, cut_x, cut_y; vec4 rim; float back; uint planes; };
 
 uint seen_faces(Entry e, vec3 d) {
   uint seen = 0u;
@@ -108,7 +108,7 @@ void set_cut(Entry e, Shape own, vec3 d, vec3 jx, vec3 jy, uint rim, inout Footp
   f.cut_x = cross(jy, normal) * inverse, f.cut_y = cross(normal, jx) * inverse;
   f.origin = d + own.axis * own.surface - f.cut_x * (dot(jx, own.axis) * shift) - f.cut_y * (dot(jy, own.axis) * shift);
   f.planes = ALL;
-  if (first_rim != 0u && f.inset != 0u) {
+  if (first_rim != 0u && !is_thin(f.word)) {
     vec3 place = d + own.axis * own.surface;
     float least = 1e30;
     for (int i = 0; i < splat.n_planes; i++)
@@ -117,8 +117,13 @@ void set_cut(Entry e, Shape own, vec3 d, vec3 jx, vec3 jy, uint rim, inout Footp
     for (int i = 0; i < splat.n_planes; i++)
       f.planes |= uint(abs(away(e, i, place)) > (least + ON_FACE) * length(splat.planes[i].xyz)) << i;
   }
+  f.rim = vec4(0.0, 0.0, 0.0, 1.0), f.back = -1.0;
+  if ((rim & 255u) == 0u)
+    return;
   vec3 out_of = axis_of(rim);
-  f.rim = (rim & 255u) == 0u ? vec4(0.0, 0.0, 0.0, 1.0) : vec4(out_of, (float(rim & 255u) - 1.0) / 254.0 + dot(out_of, d));
+  float inset = float(rim & 255u), middle = dot(out_of, d);
+  float out_by = is_thin(rim) ? fma(inset / 63.0 - 1.0, splat.move, 1.0) * splat.touch : (inset - 1.0) / 254.0;
+  f.rim = vec4(out_of, middle + out_by), f.back = is_thin(rim) ? middle - out_by : -1e30;
 }
 
 // False: it is not seen, or does not meet the tile.
@@ -165,7 +170,8 @@ bool project(Entry e, uint word, uint stored, uint rim, out Footprint f) {
 bool is_cut(Entry e, Footprint f, vec2 p) {
   vec2 d = p + 0.5 - f.at;
   vec3 place = f.origin + f.cut_x * d.x + f.cut_y * d.y;
-  return f.cut && (!kept(e, f.planes, place, 0.0) || (first_rim != 0u && dot(f.rim.xyz, place) > f.rim.w));
+  float out_of = dot(f.rim.xyz, place);
+  return f.cut && (!kept(e, f.planes, place, 0.0) || (first_rim != 0u && (out_of > f.rim.w || out_of < f.back)));
 }
 
 float distance_at(Footprint f, vec2 p) {
