@@ -232,12 +232,14 @@ V_INLINE vi v_near_both(vi at) {
   return v_addi(_mm512_or_si512(at, v_shl(at, 16)), v_loaded(&next));
 }
 /* Cells lie in slices 0 to 2. One permutation finds the voxels of cells in slices 0 and 1, a masked one those of slice 2. */
+V_INLINE __mmask32 v_in_third(vi at) { return _mm512_test_epi16_mask(v_near_both(at), v_seti(0x00400040)); }
+V_INLINE vi v_near_words_at(const vi z[3], vi at, vi both) {
+  vi words = _mm512_permutex2var_epi16(z[0], both, z[1]);
+  return _mm512_mask_permutexvar_epi16(words, v_in_third(at), both, z[2]);
+}
 V_INLINE void v_near_pair_u16(const v_near_slices *n, vi at, int more, vf *a, vf *b) {
-  const int z = more / 32;
   vi both = more % 32 ? v_addi(v_near_both(at), v_near_more(more % 32)) : v_near_both(at);
-  vi words = _mm512_permutex2var_epi16(n->z[z], both, n->z[z + 1]);
-  const __mmask32 third = _mm512_test_epi16_mask(both, v_seti(0x00400040));
-  v_biased_words(_mm512_mask_permutexvar_epi16(words, third, both, n->z[z + 2]), a, b);
+  v_biased_words(v_near_words_at(n->z + more / 32, at, both), a, b);
 }
 #define v_near_pair_i16 v_near_pair_u16
 /* The permutation fetches the two words that hold the bytes, which are one word where `at` is even. */
@@ -250,14 +252,15 @@ V_INLINE void v_near_pair_u8(const v_near_words *n, vi at, int more, vf *a, vf *
   *b = v_biased(words, 0x1111111111111111, v_subi(_mm512_set4_epi32(15, 11, 7, 3), odd));
 }
 #define v_near_pair_i8 v_near_pair_u8
-V_INLINE vf v_near_float(const v_near_floats *n, vi at) {
-  vf low = _mm512_permutex2var_ps(n->z[0], at, n->z[1]);
-  vf high = _mm512_permutex2var_ps(n->z[2], at, n->z[3]);
-  return _mm512_mask_blend_ps(_mm512_test_epi32_mask(at, v_seti(32)), low, high);
+V_INLINE vf v_near_float(const v_near_floats *n, vi at, __mmask16 high) {
+  vf in_low = _mm512_permutex2var_ps(n->z[0], at, n->z[1]);
+  vf in_high = _mm512_permutex2var_ps(n->z[2], at, n->z[3]);
+  return _mm512_mask_blend_ps(high, in_low, in_high);
 }
 V_INLINE void v_near_pair_f32(const v_near_floats *n, vi at, int more, vf *a, vf *b) {
-  *a = v_near_float(n, v_addi(at, v_seti(more)));
-  *b = v_near_float(n, v_addi(at, v_seti(more + 1)));
+  const __mmask16 high = _mm512_test_epi32_mask(v_addi(at, v_seti(more & ~15)), v_seti(32));
+  *a = v_near_float(n, v_addi(at, v_seti(more)), high);
+  *b = v_near_float(n, v_addi(at, v_seti(more + 1)), high);
 }
 
 /* Slopes of integers are words. A register is a slice of four rows of 8, whose first six are the slopes along x and whose
@@ -310,8 +313,7 @@ V_INLINE v_slopes_f32 v_slopes_load_f32(const void *voxels, ptrdiff_t row, ptrdi
 V_INLINE vf v_slope_words_at(const v_slope_words *n, int k, vi at, int y, int z, vf f) {
   const vi upper = v_trunc(f * v_set(V_SLOPE_SHARES)), lower = v_subi(v_seti(V_SLOPE_SHARES), upper);
   vi both = v_addi(v_near_both(at), v_seti((8 * y + (k > 0)) * 0x10001));
-  vi words = _mm512_permutex2var_epi16(n->along[k][z], both, n->along[k][z + 1]);
-  words = _mm512_mask_permutexvar_epi16(words, _mm512_test_epi16_mask(both, v_seti(0x00400040)), both, n->along[k][z + 2]);
+  vi words = v_near_words_at(n->along[k] + z, at, both);
   return v_float(_mm512_madd_epi16(words, v_ori(lower, v_shl(upper, 16))));
 }
 #define V_SLOPES(name, type)                                                                                          \
