@@ -23,7 +23,7 @@ V_INLINE void cut_by_rim(const tc_splat_args *g, const tc_splats *of, uint32_t f
                          const vf across_y[3], vf dx, vf dy, cuts *to) {
   const vi rim = v_bits(v_load((const float *)(const void *)(of->rims + first)));
   const vf inset = v_float(v_andi(rim, v_seti(255))), zero = v_set(0);
-  const vm known = v_lt(zero, inset), sheet = is_thin(rim);
+  const vm known = v_lt(zero, inset), sheet = m_and(known, is_thin(rim));
   const vf half = v_fma(v_fma(inset, v_set(1 / 63.f), v_set(-1)), v_set(g->move), v_set(1)) * v_set(g->touch);
   const vf out = v_select(sheet, half, (inset - v_set(1)) * v_set(1 / 254.f));
   vf axis[3], x = zero, y = zero, away = zero;
