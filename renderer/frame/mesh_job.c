@@ -275,6 +275,17 @@ void tc_mesh_count(const tc_clusters *mesh, const tc_plan *plan, const tc_scene 
   free(levels), free(one_sided);
 }
 
+#define BEHIND 0.25 /* finest voxels: the surfaces of two labels have the same vertices where the labels meet, but not the same triangles */
+
+static double behind_of(const tc_frame_job *job) {
+  const tc_clusters *mesh = job->have.mesh;
+  size_t n = 0;
+  for (size_t i = 0; i < mesh->n_parts; i++) n += mesh->parts[i].of.kind == TC_SURFACE_OF_LABEL;
+  if (n < 2) return 0;
+  const double *spacing = tc_volume_describe(job->label_volume)->spacing;
+  return BEHIND * fmin(spacing[0], fmin(spacing[1], spacing[2]));
+}
+
 bool tc_mesh_job_begin(tc_mesh_job *m, const tc_frame_job *job, GError **error) {
   const tc_clusters *mesh = job->have.mesh;
   double planes[TC_VIEW_MOST_CLIP][4];
@@ -282,6 +293,7 @@ bool tc_mesh_job_begin(tc_mesh_job *m, const tc_frame_job *job, GError **error) 
   m->raster.channels = NULL;
   tc_mesh_view_set_up(&m->view, mesh, &job->scene->camera, job->frame->width, job->frame->height);
   tc_mesh_view_clip(&m->view, mesh, (const double(*)[4])planes, n_planes);
+  m->view.behind = behind_of(job);
   m->levels = mesh->n_groups ? malloc(mesh->n_groups) : NULL;
   if (m->levels) tc_levels_choose(mesh, &m->view, job->plan->mesh_pixels, m->levels);
   if (!set_surfaces(m, job, n_planes == 0 && tc_mesh_view_is_outside(&m->view, mesh))) {

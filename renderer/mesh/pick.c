@@ -29,7 +29,7 @@ static bool passes(const ray *r, const tc_cluster *c) {
 }
 
 /* Moller and Trumbore, Fast, minimum storage ray/triangle intersection, 1997. */
-static bool meets(const ray *r, double corner[3][3], bool one_sided, double *t) {
+static bool meets(const ray *r, double corner[3][3], bool one_sided, double *t, bool *back) {
   double u[3], v[3], p[3], q[3], s[3];
   for (int k = 0; k < 3; k++)
     u[k] = corner[1][k] - corner[0][k], v[k] = corner[2][k] - corner[0][k], s[k] = r->from[k] - corner[0][k];
@@ -37,7 +37,7 @@ static bool meets(const ray *r, double corner[3][3], bool one_sided, double *t) 
   cross3(s, u, q);
   const double det = dot3(u, p), a = dot3(s, p) / det, b = dot3(r->along, q) / det;
   if (det == 0 || (one_sided && det < 0) || !(a >= 0 && b >= 0 && a + b <= 1)) return false;
-  *t = dot3(v, q) / det;
+  *t = dot3(v, q) / det, *back = det < 0;
   return true;
 }
 
@@ -48,38 +48,43 @@ static bool is_kept(const tc_mesh_view *v, const double p[3]) {
   return true;
 }
 
-static bool in_cluster(const tc_clusters *m, const tc_cluster *c, const tc_mesh_view *view, const ray *r, bool one_sided,
-                       double *nearest) {
+/* The nearest triangle so far: its distance, and what that counts as (view->behind). */
+typedef struct found {
+  double t, counts;
+  size_t part;
+} found;
+
+static void look_in(const tc_clusters *m, const tc_cluster *c, const tc_mesh_view *view, const ray *r, bool one_sided, found *nearest) {
   const size_t room = tc_cluster_padded(c->n_vertices), row = tc_cluster_padded(c->n_triangles);
   const float *at = m->positions + 3 * (size_t)c->vertex;
   const uint8_t *corners = m->triangles + 3 * (size_t)c->triangle;
-  bool found = false;
   for (size_t i = 0; i < c->n_triangles; i++) {
     double corner[3][3], p[3], t;
+    bool back;
     for (size_t v = 0; v < 3; v++)
       for (size_t k = 0; k < 3; k++) corner[v][k] = at[k * room + corners[v * row + i]];
-    if (!meets(r, corner, one_sided, &t) || t >= *nearest) continue;
+    if (!meets(r, corner, one_sided, &t, &back)) continue;
+    const double counts = t + (back ? view->behind / dot3(r->along, view->forward) : 0);
+    if (counts >= nearest->counts) continue;
     for (int k = 0; k < 3; k++) p[k] = r->from[k] + t * r->along[k];
-    if (is_kept(view, p)) *nearest = t, found = true;
+    if (is_kept(view, p)) *nearest = (found){t, counts, c->part};
   }
-  return found;
 }
 
 bool tc_mesh_pick(const tc_clusters *mesh, const tc_mesh_view *view, const tc_raster_surface *surfaces, double least,
                   const double at[2], tc_mesh_hit *hit) {
   const ray r = ray_of(view, at[0], at[1]);
-  double nearest[2] = {INFINITY, INFINITY}; /* of what is looked through, and of the rest */
-  size_t part[2] = {0, 0};
+  found nearest[2] = {{.counts = INFINITY}, {.counts = INFINITY}}; /* of what is looked through, and of the rest */
   for (size_t i = 0; i < mesh->n; i++) {
     const tc_cluster *c = &mesh->clusters[i];
     const tc_raster_surface *s = &surfaces[c->part];
     const bool seen = (double)s->opacity >= least;
-    if (c->level == 0 && passes(&r, c) && in_cluster(mesh, c, view, &r, s->one_sided, &nearest[seen])) part[seen] = c->part;
+    if (c->level == 0 && passes(&r, c)) look_in(mesh, c, view, &r, s->one_sided, &nearest[seen]);
   }
-  const int which = nearest[1] < INFINITY;
-  if (!(nearest[which] < INFINITY)) return false;
-  for (int k = 0; k < 3; k++) hit->position[k] = mesh->origin[k] + r.from[k] + nearest[which] * r.along[k];
-  hit->distance_mm = nearest[which];
-  hit->part = part[which];
+  const found *first = &nearest[nearest[1].counts < INFINITY];
+  if (!(first->counts < INFINITY)) return false;
+  for (int k = 0; k < 3; k++) hit->position[k] = mesh->origin[k] + r.from[k] + first->t * r.along[k];
+  hit->distance_mm = first->t;
+  hit->part = first->part;
   return true;
 }

@@ -71,6 +71,7 @@ static void set_up_frame(drawing *d) {
   *f = (tc_raster_frame){.mesh = job->mesh, .view = v, .looks = job->looks, .n_looks = job->n_looks, .perspective = v->perspective,
                          .surfaces = job->surfaces, .reference = (float)v->reference,
                          .inverse_scale = (float)(1 / v->scale), .n_samples = job->n_samples};
+  f->behind[v->perspective] = (float)(v->perspective ? v->behind / v->reference : v->behind);
   copy_row(f->rows[0], v->right, 1), copy_row(f->rows[1], v->down, 1), copy_row(f->rows[2], v->depth, 1);
   copy_row(f->to_fixed[0], v->right, v->scale * TC_VIEW_SUBPIXEL);
   copy_row(f->to_fixed[1], v->down, v->scale * TC_VIEW_SUBPIXEL);

@@ -28,6 +28,7 @@ typedef struct tc_raster_frame {
   float centre_fixed[2]; /* likewise */
   float rows[3][4];      /* right, down, depth; mm */
   float reference, inverse_scale, centre[2];
+  float behind[2]; /* view->behind: by = behind[0] + behind[1] (near + 1) turns a nearness into (near - by) / (1 + behind[1] (near + 1)) */
   int n_samples;
   float offset[TC_RASTER_SAMPLES][2]; /* of a sample in its pixel, from the left upper corner, fixed point */
   float least_offset[2], most_offset[2];

@@ -52,6 +52,14 @@ static void place_vertices(const tc_raster_frame *f, const tc_raster_tile *t, co
   }
 }
 
+/* Of a back face's corner: the nearness of what is view->behind further away. */
+V_INLINE vf set_back(const tc_raster_frame *f, vf near) {
+  const vf more = v_set(f->behind[1]) * (near + v_set(1));
+  return (near - (v_set(f->behind[0]) + more)) / (v_set(1) + more);
+}
+
+V_INLINE bool has_behind(const tc_raster_frame *f) { return f->behind[0] > 0 || f->behind[1] > 0; }
+
 /* ---- triangles of any size, one at a time ---- */
 
 typedef struct corner {
@@ -113,6 +121,7 @@ static void draw_large(const tc_raster_frame *f, const tc_raster_tile *t, corner
                        tc_raster_counts *counts) {
   int64_t area = (c[1].x - c[0].x) * (c[2].y - c[0].y) - (c[1].y - c[0].y) * (c[2].x - c[0].x);
   if (area == 0 || (t->one_sided && area > 0)) return;
+  for (int i = 0; i < 3 && area > 0 && has_behind(f); i++) c[i].near = v_least(set_back(f, v_set(c[i].near)));
   if (area < 0) {
     corner other = c[1];
     c[1] = c[2], c[2] = other, area = -area;
@@ -189,7 +198,7 @@ V_INLINE uint64_t insert(const tc_raster_tile *t, size_t plane, unsigned bits, c
     size_t at = plane + (size_t)pixel[lane];
     if (!(near[lane] > t->near[at])) continue;
     t->near[at] = near[lane];
-    t->id[at] = first_number + (name[lane] >> 24);
+    t->id[at] = first_number + (name[lane] >> 24 & 127);
   }
   return n;
 }
@@ -200,7 +209,7 @@ V_INLINE uint64_t collect(const tc_raster_tile *t, size_t plane, unsigned bits, 
   for (; bits; bits &= bits - 1, n++) {
     const int lane = __builtin_ctz(bits);
     const size_t at = plane + (size_t)pixel[lane];
-    if (near[lane] > t->near[at]) add_layer(t->layers, at, first_number + (name[lane] >> 24), near[lane]);
+    if (near[lane] > t->near[at]) add_layer(t->layers, at, first_number + (name[lane] >> 24 & 127), near[lane]);
   }
   return n;
 }
@@ -230,7 +239,8 @@ V_INLINE uint64_t draw_sample(const tc_raster_tile *t, const small *s, const edg
 }
 
 /* A cluster's triangles that may cover a sample of the tile, by the way they are drawn. Small ones: the corners in fixed
- * point, turned so that the area is positive, and a name: the vertices in bytes 0 to 2, the triangle in byte 3. */
+ * point, turned so that the area is positive, and a name: the vertices in bytes 0 to 2, the triangle in bits 24 to 30, and bit 31 for
+ * a back face. */
 typedef struct worklist {
   float ax[LIST], ay[LIST], bx[LIST], by[LIST], cx[LIST], cy[LIST];
   uint32_t name[LIST];
@@ -245,6 +255,11 @@ static void draw_small(const tc_raster_frame *f, const tc_raster_tile *t, const 
     small s = {v_load(w->ax + i), v_load(w->ay + i), v_load(w->bx + i), v_load(w->by + i), v_load(w->cx + i), v_load(w->cy + i)};
     s.na = v_table(p->near, v_andi(name, byte)), s.nb = v_table(p->near, v_andi(v_shr(name, 8), byte));
     s.nc = v_table(p->near, v_andi(v_shr(name, 16), byte));
+    if (has_behind(f)) {
+      const vm back = v_lt(v_float(name), v_set(0));
+      s.na = v_select(back, set_back(f, s.na), s.na), s.nb = v_select(back, set_back(f, s.nb), s.nb);
+      s.nc = v_select(back, set_back(f, s.nc), s.nc);
+    }
     s.inverse_area = v_set(1) / v_max(area_of(s.ax, s.ay, s.bx, s.by, s.cx, s.cy), v_set(1));
     s.least = min3(s.na, s.nb, s.nc), s.most = max3(s.na, s.nb, s.nc);
     const vm alive = v_lt(lanes(), v_set((float)(w->n_small - i)));
@@ -274,7 +289,7 @@ static void sort_out(const tc_raster_frame *f, const tc_raster_tile *t, const pl
     vm turned = v_lt(area, v_set(0)), shown = t->one_sided ? turned : m_or(turned, v_lt(v_set(0), area));
     shown = m_and(shown, m_and(some, small));
     vi number = v_addi(v_seti(i), v_trunc(lanes()));
-    vi same = v_ori(v_shl(b, 8), v_shl(c, 16)), swapped = v_ori(v_shl(c, 8), v_shl(b, 16));
+    vi same = v_ori(v_ori(v_shl(b, 8), v_shl(c, 16)), v_seti(INT32_MIN)), swapped = v_ori(v_shl(c, 8), v_shl(b, 16));
     vi corners = v_ori(v_ori(a, v_shl(number, 24)), v_bits(v_select(turned, v_from_bits(swapped), v_from_bits(same))));
     const int to = w->n_small;
     v_compact(w->ax + to, shown, ax), v_compact(w->ay + to, shown, ay);

@@ -33,6 +33,8 @@ typedef struct tc_mesh_view {
   double planes[TC_VIEW_PLANES][4]; /* clip planes, negative where clipped; mm (guard planes: unscaled) */
   int n_planes;
   double eye[3], forward[3];       /* relative to the mesh's origin; unit */
+  double behind;                   /* mm by which back faces count as further away: of two surfaces that coincide, as those of
+                                      neighbouring labels do, the one that faces the eye shows */
 } tc_mesh_view;
 
 /* The camera was validated (tc_plan_check). Pure. */

@@ -20,7 +20,7 @@
 /* The uniform block of mesh_head.glsl, std140. */
 typedef struct mesh_block {
   _Alignas(16) float right[4];
-  float down[4], depth[4], window[4];
+  float down[4], depth[4], window[4], behind[4];
   float planes[12][4], offsets[TC_RASTER_SAMPLES][4];
   float centre[2], reference, scale, inverse_scale;
   int32_t perspective, n_planes, n_samples, n_clusters, normals, several, colors;
@@ -155,8 +155,9 @@ static void copy_row(float to[4], const double from[4]) {
 
 /* The depth buffer's row: nearness (view.h), which is linear over the picture, from the farthest to the nearest that the
  * mesh can have, as 0 to 1. Nothing nearer than the near plane passes. */
-static void set_window(const tc_mesh_view *v, const tc_clusters *mesh, float row[4]) {
-  const double centre[3] = {mesh->centre[0], mesh->centre[1], mesh->centre[2]}, r = 1.001 * (double)mesh->radius + tc_sight_slack(mesh);
+static void set_window(const tc_mesh_view *v, const tc_clusters *mesh, mesh_block *block) {
+  const double centre[3] = {mesh->centre[0], mesh->centre[1], mesh->centre[2]};
+  const double r = 1.001 * (double)mesh->radius + tc_sight_slack(mesh) + v->behind;
   const double middle = tc_mesh_view_row(v->depth, centre), ref = v->reference;
   double near = middle - r, far = middle + r, out[4], a = -1, b = 0;
   if (v->perspective) {
@@ -168,7 +169,9 @@ static void set_window(const tc_mesh_view *v, const tc_clusters *mesh, float row
     b = -far;
   }
   for (int k = 0; k < 4; k++) out[k] = (a * v->depth[k] + (k == 3 ? b : 0)) / (near - far);
-  copy_row(row, out);
+  copy_row(block->window, out);
+  block->behind[0] = (float)far, block->behind[1] = (float)(near - far);
+  block->behind[2 + v->perspective] = (float)(v->perspective ? v->behind / ref : v->behind);
 }
 
 /* From mm about the mesh's origin. */
@@ -189,7 +192,7 @@ static void set_block(drawing *d, const mesh_layout *l) {
   const tc_mesh_view *v = &d->of.view;
   mesh_block *b = &d->block;
   copy_row(b->right, v->right), copy_row(b->down, v->down), copy_row(b->depth, v->depth);
-  set_window(v, d->mesh, b->window);
+  set_window(v, d->mesh, b);
   b->n_planes = v->n_planes - TC_VIEW_CLIP;
   for (int i = 0; i < b->n_planes; i++) copy_row(b->planes[i], v->planes[TC_VIEW_CLIP + i]);
   b->n_samples = d->of.raster.n_samples;

@@ -10,7 +10,20 @@ layout(binding = 2) uniform sampler2DArray before;
 layout(location = 1) uniform ivec2 peel; // sample; whether there is a layer before
 #endif
 
+#if LABELS
+layout(depth_less) out float gl_FragDepth;
+
+// set_back() of raster_tmpl.h, of a back face.
+float depth_of() {
+  float near = fma(gl_FragCoord.z, mesh.behind.y, mesh.behind.x), more = mesh.behind.w * (near + 1.0);
+  return gl_FrontFacing ? gl_FragCoord.z : ((near - (mesh.behind.z + more)) / (1.0 + more) - mesh.behind.x) / mesh.behind.y;
+}
+#else
+float depth_of() { return gl_FragCoord.z; }
+#endif
+
 void main() {
+  float depth = depth_of();
 #if CLIP
   for (int i = 0; i < mesh.n_planes; i++)
     if (dot(mesh.planes[i], vec4(at, 1.0)) < 0.0)
@@ -18,8 +31,11 @@ void main() {
 #endif
 #if PEEL
   ivec3 at_sample = ivec3(gl_FragCoord.xy, peel.x);
-  if (gl_FragCoord.z <= texelFetch(opaque, at_sample, 0).r || (peel.y != 0 && gl_FragCoord.z >= texelFetch(before, at_sample, 0).r))
+  if (depth <= texelFetch(opaque, at_sample, 0).r || (peel.y != 0 && depth >= texelFetch(before, at_sample, 0).r))
     discard;
+#endif
+#if LABELS
+  gl_FragDepth = depth;
 #endif
   triangle = number;
 }

@@ -2,6 +2,7 @@
 layout(std140, binding = 1) uniform Mesh {
   vec4 right, down, depth; // rows of view.h; depth is relative to the reference
   vec4 window;             // row: what is nearer has the larger depth in the buffer, 0..1, times the distance along the view
+  vec4 behind;             // nearness (view.h) of depth 0, and from there to depth 1; tc_raster_frame.behind
   vec4 planes[12];         // what is kept has plane . (p, 1) >= 0
   vec4 offsets[64];        // xy: of a sample from its pixel's left upper corner
   vec2 centre;

@@ -101,10 +101,11 @@ static void add_isosurface(composition *c, const tc_gl_variant *v) {
 
 /* The program that draws triangles into the visibility buffer. */
 static unsigned compose_mesh_draw(const tc_gl_variant *v, GError **error) {
-  const char *version = "#version 450 core\n", *clip = v->plan.clipping ? "#define CLIP 1\n" : "#define CLIP 0\n";
-  const char *head = tc_gl_piece("mesh_head.glsl"), *peel = v->pass == 2 ? "#define PEEL 1\n" : "#define PEEL 0\n";
-  return tc_gl_program_draws((const char *[]){version, clip, peel, head, tc_gl_piece("mesh_vertex.glsl")},
-                             (const char *[]){version, clip, peel, head, tc_gl_piece("mesh_fragment.glsl")}, 5, "mesh.draw", error);
+  g_autofree char *kind = g_strdup_printf("#version 450 core\n#define CLIP %d\n#define PEEL %d\n#define LABELS %d\n", v->plan.clipping,
+                                          v->pass == 2, v->plan.labels);
+  const char *head = tc_gl_piece("mesh_head.glsl");
+  return tc_gl_program_draws((const char *[]){kind, head, tc_gl_piece("mesh_vertex.glsl")},
+                             (const char *[]){kind, head, tc_gl_piece("mesh_fragment.glsl")}, 3, "mesh.draw", error);
 }
 
 /* Adds the pieces that cast rays, from the camera to the march. */
