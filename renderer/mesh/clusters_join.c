@@ -25,8 +25,9 @@ static void join_spheres(tc_clusters *to, const tc_clusters *more) {
   for (int k = 0; k < 3; k++) apart += (more->centre[k] - to->centre[k]) * (more->centre[k] - to->centre[k]);
   apart = sqrtf(apart);
   if (apart + more->radius <= to->radius) return;
-  const float radius = apart + to->radius <= more->radius ? more->radius : 0.5f * (apart + to->radius + more->radius);
-  const float share = apart > 0 ? (radius - to->radius) / apart : 0;
+  const bool within = apart + to->radius <= more->radius;
+  const float radius = within ? more->radius : 0.5f * (apart + to->radius + more->radius);
+  const float share = within ? 1 : apart > 0 ? (radius - to->radius) / apart : 0;
   for (int k = 0; k < 3; k++) to->centre[k] += share * (more->centre[k] - to->centre[k]);
   to->radius = radius * (1 + 1e-5f);
 }

@@ -79,6 +79,27 @@ static void some_clip(dice *d, tc_scene *s) {
     for (int side = 0; side < 2; side++) s->clip.box[side][k] = s->camera.target[k] + (side ? 1 : -1) * within(d, 4, 20);
 }
 
+/* Opaque ones: layers are the cpu's where OpenGL is software. */
+static void some_surfaces(dice *d, const subject *on, tc_scene *s) {
+  const int n = 1 + one_of(d, 4);
+  tc_mesh_surface *of = g_new0(tc_mesh_surface, n);
+  for (int i = 0; i < n; i++) {
+    of[i] = (tc_mesh_surface){.source = TC_SURFACE_OF_VALUE, .value = within(d, 0.3, 0.7), .opacity = 1, .visible = !happens(d, 0.1),
+                              .two_sided = !happens(d, 0.2), .has_color = !happens(d, 0.2)};
+    for (int k = 0; k < 3; k++) of[i].color[k] = within(d, 0, 1);
+    if (happens(d, 0.2)) of[i].source = TC_SURFACE_OF_PLANE, of[i].plane = (tc_mpr_orientation)one_of(d, 3), of[i].two_sided = true;
+    if (on->labels && happens(d, 0.5)) of[i].source = TC_SURFACE_OF_LABEL, of[i].label = 1 + one_of(d, 4);
+    if (happens(d, 0.3)) of[i].own_shading = 1, of[i].model = (tc_shading_model)one_of(d, TC_SHADING_COUNT);
+  }
+  tc_scene_set_surfaces(s, of, (size_t)n);
+  s->mesh.with_volume = happens(d, 0.5);
+  s->mesh.n_lights = one_of(d, 3);
+  for (int i = 0; i < s->mesh.n_lights; i++) {
+    s->mesh.lights[i] = (tc_mesh_light){.at_camera = happens(d, 0.3), .color = {1, within(d, 0, 1), 0.5}, .intensity = within(d, 0.2, 1)};
+    some_way(d, s->mesh.lights[i].direction);
+  }
+}
+
 static void some_scene(dice *d, const subject *on, tc_scene *s) {
   double side[3];
   test_scene(s, W, H);
@@ -113,6 +134,7 @@ static void some_scene(dice *d, const subject *on, tc_scene *s) {
   s->image.linear_light = happens(d, 0.2);
   s->image.transparent = happens(d, 0.2);
   if (on->labels) strcpy(s->labels.volume, "labels");
+  if (happens(d, s->mode == TC_MODE_MESH ? 0.5 : 0.2)) some_surfaces(d, on, s);
 }
 
 /* The pixels that differ by more than 1/255; of transparent pictures, whose colours are divided by their opacity, before that. */

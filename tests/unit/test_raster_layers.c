@@ -250,6 +250,28 @@ TEST(what_is_covered_is_known_before) {
 }
 
 /* A part that is copied out of several and put together again is what it was. */
+/* Whatever the order of small and large parts, and wherever they lie: depth buffers end at the sphere. */
+TEST(the_sphere_holds_all_parts) {
+  for (int round = 0; round < 40; round++) {
+    tc_mesh *meshes[3];
+    for (int i = 0; i < 3; i++) {
+      const double lo = 100 * (chance() - 0.5), size = round & 1 << i ? 5 : 100;
+      meshes[i] = sheet(4, lo, lo + size, 0.01, 3);
+    }
+    tc_clusters *c = parts(meshes, 3);
+    for (size_t i = 0; i < c->n; i++) {
+      const size_t room = tc_cluster_padded(c->clusters[i].n_vertices);
+      const float *at = c->positions + 3 * (size_t)c->clusters[i].vertex;
+      for (size_t v = 0; v < c->clusters[i].n_vertices; v++) {
+        double square = 0;
+        for (size_t k = 0; k < 3; k++) square += pow((double)at[k * room + v] - (double)c->centre[k], 2);
+        assert_true(sqrt(square) <= (double)c->radius);
+      }
+    }
+    tc_clusters_free(c);
+  }
+}
+
 TEST(parts_are_copied_whole) {
   tc_clusters *all = parts((tc_mesh *[]){spheres(30, 1, 20, 0), spheres(50, 1, 30, 0), spheres(10, 1, 40, 0)}, 3), *again = NULL;
   for (size_t i = 0; i < 3; i++)
