@@ -9,6 +9,7 @@
 
 #define MOST_WIDER 8 /* voxels: most that a core is widened to a pixel's width */
 #define WIDEST (MOST_WIDER + 2.0)
+#define FAR_AWAY 1e7 /* mm: where the eye of a parallel projection is */
 
 /* A ray in index coordinates: at + t * along, t in mm from the eye. */
 typedef struct pick {
@@ -188,12 +189,27 @@ static bool is_left(const pick *p, const int voxel[3], const double to[3], bool 
   return kept_by_planes(p, at, -1) || is_laid_open(p, voxel, axis, out / fmax((double)p->frame.args.move, 1e-3));
 }
 
+/* Whether the voxel has a splat of which the eye sees a face: a free one, or one that planes lay open (seen_faces() of tile_tmpl.h). */
+static bool is_seen(const pick *p, const int voxel[3]) {
+  const bool kept = kept_by_planes(p, (double[]){voxel[0], voxel[1], voxel[2]}, -1);
+  for (int face = 0; face < 6; face++) {
+    const int k = face / 2, way = face & 1 ? 1 : -1;
+    const double to_eye = p->at[k] - (p->frame.args.perspective ? 0 : FAR_AWAY * p->along[k]) - voxel[k];
+    int next[3] = {voxel[0], voxel[1], voxel[2]};
+    double value;
+    if (!(to_eye * way > 0.5)) continue;
+    next[k] += way;
+    if (!filled_at(p, next, &value) || (kept && !kept_by_planes(p, (double[]){next[0], next[1], next[2]}, -1))) return true;
+  }
+  return false;
+}
+
 /* Whether the voxel is drawn and its core holds the pixel's middle. *value: the voxel's; *t: distance of its drawn position,
  * mm. */
 static bool meets(const pick *p, const int voxel[3], double *t, double *value) {
   const tc_splat_args *g = &p->frame.args;
   double axis[3] = {0}, flat = 1, move[2] = {0}, from[3], to[3], deep = 0, deeper = 0, near = 0;
-  if (!filled_at(p, voxel, value)) return false;
+  if (!filled_at(p, voxel, value) || (g->opaque && !is_seen(p, voxel))) return false;
   for (int k = 0; k < 3; k++) from[k] = voxel[k] - p->at[k];
   const bool shaped = shape_of(p, voxel, axis, &flat, move);
   if (shaped) flat = core_of(p, g->perspective ? from : p->along, axis, flat);

@@ -147,7 +147,7 @@ static void set_kernel(drawing *d) {
     size *= tc_volume_describe(d->job->volume)->spacing[k];
   }
   g->window_mm = (float)(WINDOW * radius * sqrt(depth));
-  g->near_mm = g->perspective ? (float)(2 * radius * sqrt(depth)) : -INFINITY;
+  g->near_mm = g->perspective ? (float)(2 * radius * sqrt(depth)) : 0;
   if (g->perspective) {
     const int *dims = tc_volume_describe(d->job->volume)->dims;
     distance = d->to_view[2][3];
@@ -234,7 +234,7 @@ static bool set_box(const drawing *d, tc_splat_entry *e, const double middle[3],
   e->near_mm = (float)(near - 1e-4 * (fabs(near) + half[2]));
   for (int k = 0; k < 2; k++) e->box[k] = 0, e->box[2 + k] = (float)size[k];
   e->reach = INFINITY;
-  if (g->perspective && far <= (double)g->near_mm) return false;
+  if (far <= (double)g->near_mm) return false;
   if (g->perspective && near <= (double)g->near_mm) return true;
   e->reach = 0;
   for (int k = 0; k < 2; k++) {

@@ -436,6 +436,24 @@ TEST(picks_are_as_deep_as_the_picture) {
   }
 }
 
+/* From within a solid its walls face away: nothing is drawn, and nothing is picked. A parallel projection, too, begins at the eye. */
+TEST(nothing_is_seen_from_within_a_solid) {
+  g_auto(object) o = object_of(&cube, blob, ball);
+  g_auto(drawing) d = {0};
+  for (int projection = 0; projection < TC_PROJECTION_COUNT; projection++) {
+    g_auto(tc_scene) scene;
+    tc_splat_hit hit;
+    look(&scene, &o, 7, 1);
+    test_scene_look(&scene, (tc_projection)projection, (double[3]){19, 20, 21}, (double[3]){30, 20, 21}, 12);
+    scene.splat.threshold[0] = 0, scene.splat.threshold[1] = 100;
+    draw_now(&o, &scene, (wish){0}, &d);
+    for (int i = 0; i < SIDE; i += 5) {
+      assert_true(d.frame.linear[4 * (i * SIDE + i) + 3] == 0);
+      assert_false(tc_splat_pick(o.volume, NULL, &scene, (double[]){i + 0.5, i + 0.5}, &hit));
+    }
+  }
+}
+
 /* Faces of the volume that cut an object are lit as what they are, whatever its values are within. */
 TEST(faces_of_the_volume_are_lit) {
   static const double large[2] = {40, 3};
