@@ -9,7 +9,7 @@
 
 #define MOST_WIDER 8 /* voxels: most that a core is widened to a pixel's width */
 #define WIDEST (MOST_WIDER + 2.0)
-#define FAR_AWAY 1e7 /* mm: where the eye of a parallel projection is */
+#define FAR_AWAY 1e7 /* mm */
 
 /* A ray in index coordinates: at + t * along, t in mm from the eye. */
 typedef struct pick {
@@ -18,6 +18,7 @@ typedef struct pick {
   const int *dims;
   bool labels; /* the volume's values are */
   double at[3], along[3];
+  double eye[3];           /* as drawn (splatter.c), index coordinates; of a parallel projection far behind the picture's middle */
   double pixel[2];         /* in perspective from the picture's middle; else 0, since the ray passes through it */
   double from, to;         /* mm within the volume's box, widened by what a core can be */
   tc_splat_frame frame;    /* its kernels */
@@ -39,6 +40,9 @@ static void set_ray(pick *p, const double at[2]) {
     for (int k = 0; k < 3; k++) p->along[r] += rays.to_index[3 * r + k] * view[k] / length;
     p->at[r] = rays.anchor0[r] + at[0] * rays.anchor_du[r] + at[1] * rays.anchor_dv[r] - eye * p->along[r];
   }
+  double from[3];
+  for (int k = 0; k < 3; k++) from[k] = p->scene->camera.position[k] - (rays.perspective ? 0 : FAR_AWAY * view[k] / length);
+  tc_volume_lps_to_index(p->volume, from, p->eye);
   p->pixel[0] = rays.perspective ? at[0] - 0.5 * p->scene->image.width : 0;
   p->pixel[1] = rays.perspective ? at[1] - 0.5 * p->scene->image.height : 0;
   p->from = 0, p->to = 1e30;
@@ -194,7 +198,7 @@ static bool is_seen(const pick *p, const int voxel[3]) {
   const bool kept = kept_by_planes(p, (double[]){voxel[0], voxel[1], voxel[2]}, -1);
   for (int face = 0; face < 6; face++) {
     const int k = face / 2, way = face & 1 ? 1 : -1;
-    const double to_eye = p->at[k] - (p->frame.args.perspective ? 0 : FAR_AWAY * p->along[k]) - voxel[k];
+    const double to_eye = p->eye[k] - voxel[k];
     int next[3] = {voxel[0], voxel[1], voxel[2]};
     double value;
     if (!(to_eye * way > 0.5)) continue;
