@@ -64,3 +64,58 @@ void tc_slice_rays(tc_rays *rays, const tc_volume *volume, const tc_scene *scene
   rays->eye_mm = 0.5 * scene->mpr.thickness_mm;
   rays->far_mm = scene->mpr.thickness_mm > 0 ? rays->eye_mm : SLACK * least;
 }
+
+/* A line of a slab in index coordinates: from + s * along, s in mm from the plane. */
+typedef struct line {
+  double from[3], along[3], start, end;
+} line;
+
+/* Keeps the part of the line where value + s * change >= 0. */
+static void cut_line(line *l, double value, double change) {
+  if (change > 0) l->start = fmax(l->start, -value / change);
+  else if (change < 0) l->end = fmin(l->end, value / -change);
+  else if (value < 0) l->end = -INFINITY;
+}
+
+static line line_at(const tc_rays *rays, const double at[2]) {
+  line l = {.start = -rays->eye_mm, .end = rays->eye_mm};
+  for (int k = 0; k < 3; k++) {
+    l.from[k] = rays->anchor0[k] + at[0] * rays->anchor_du[k] + at[1] * rays->anchor_dv[k];
+    l.along[k] = dot3(rays->to_index + 3 * k, rays->view0);
+    cut_line(&l, l.from[k] - rays->lo[k], l.along[k]);
+    cut_line(&l, rays->hi[k] - l.from[k], -l.along[k]);
+  }
+  for (int i = 0; i < rays->n_planes; i++)
+    cut_line(&l, dot3(rays->planes[i], l.from) + rays->planes[i][3], dot3(rays->planes[i], l.along));
+  return l;
+}
+
+bool tc_slice_pick(const tc_volume *volume, const tc_scene *scene, const double at[2], tc_slice_hit *hit) {
+  tc_rays rays;
+  tc_slice_rays(&rays, volume, scene, scene->image.width, scene->image.height);
+  const line l = line_at(&rays, at);
+  const tc_slab_projection projection = scene->mpr.projection;
+  double found = 0, sum = 0, place = 0, index[3];
+  bool any = false, last = !(l.start < l.end);
+  if (!(l.start <= l.end)) return false;
+  /* where the kernels sample: at both ends and at whole steps from the plane */
+  for (double s = l.start, before = l.start, value_before = NAN;;) {
+    double value;
+    for (int k = 0; k < 3; k++) index[k] = l.from[k] + s * l.along[k];
+    if (tc_volume_value_at(volume, index, &value)) {
+      if (!any || (projection == TC_SLAB_MINIP ? value < found : value > found)) found = value, place = s;
+      if (isfinite(value_before)) sum += 0.5 * (s - before) * (value + value_before);
+      any = true, value_before = value, before = s;
+    }
+    if (last) break;
+    s = (floor(s / rays.step_mm + 1e-9) + 1) * rays.step_mm;
+    last = s >= l.end;
+    s = fmin(s, l.end);
+  }
+  if (!any) return false;
+  if (projection == TC_SLAB_AVERAGE && l.start < l.end) found = sum / (l.end - l.start), place = 0.5 * (l.start + l.end);
+  for (int k = 0; k < 3; k++) index[k] = l.from[k] + place * l.along[k];
+  tc_volume_index_to_lps(volume, index, hit->position);
+  hit->value = found, hit->depth_mm = place + rays.eye_mm;
+  return true;
+}

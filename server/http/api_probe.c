@@ -1,6 +1,7 @@
-/* Queries of one pixel: ray record and pick. Both use the reference integrator, off the render thread. */
+/* Queries of one pixel: ray record and pick, by the reference integrator where a mode has one, off the render thread. */
 #include <string.h>
 
+#include "renderer/raycast/mpr.h"
 #include "renderer/reference/reference.h"
 #include "renderer/splat/pick.h"
 #include "renderer/splat/vmd.h"
@@ -161,7 +162,7 @@ static cJSON *attributes_json(const tc_vmd *model, const int at[3]) {
   return json;
 }
 
-/* Picks the voxel in mode splat, which has no reference integrator. */
+/* Picks the voxel in mode splat. */
 static cJSON *voxel_json(const probe *p) {
   tc_splat_hit hit;
   const tc_volume *labels = p->scene.labels.volume[0] ? p->labels : NULL;
@@ -180,11 +181,20 @@ static cJSON *voxel_json(const probe *p) {
   return json;
 }
 
+static cJSON *slice_json(const probe *p) {
+  tc_slice_hit hit;
+  if (!tc_slice_pick(p->volume, &p->scene, (double[]){p->x + 0.5, p->y + 0.5}, &hit)) return pick_json(NULL);
+  const tc_reference_sample sample = {.position = {hit.position[0], hit.position[1], hit.position[2]},
+                                      .distance_mm = hit.depth_mm,
+                                      .value = hit.value};
+  return pick_json(&sample);
+}
+
 static void run_pick(tcs_work *work) {
   probe *p = (probe *)work;
   if (p->scene.mode != TC_MODE_MESH) tc_scene_set_surfaces(&p->scene, NULL, 0); /* they were picked before */
-  if (p->scene.mode == TC_MODE_SPLAT) {
-    work->text = tcs_json_text(voxel_json(p));
+  if (p->scene.mode == TC_MODE_SPLAT || p->scene.mode == TC_MODE_MPR) { /* which have no reference integrator */
+    work->text = tcs_json_text(p->scene.mode == TC_MODE_MPR ? slice_json(p) : voxel_json(p));
     return;
   }
   tc_reference_sample *samples = NULL;

@@ -2,6 +2,7 @@
 import assert from 'node:assert/strict';
 import { after, before, test } from 'node:test';
 import { Daemon, problem } from '../support/daemon.mjs';
+import { readPng } from '../support/png.mjs';
 
 let d;
 before(async () => { d = await Daemon.start(); });
@@ -58,6 +59,30 @@ test('a pick in a projection is where its value is', async () => {
   const { json } = await d.get(`${links.self}/ray?x=20&y=20`);
   assert.equal(json.opacity, 1);
   assert.ok(json.color[0] > 0.3 && json.color[0] < 0.9 && json.color[0] === json.color[2], JSON.stringify(json.color));
+});
+
+test('a pick in a slice or slab is what the pixel shows', async () => {
+  const { links } = await d.session({ ...scene, mode: 'mpr', window: { center: 127, width: 255 } });
+  for (const mpr of [
+    { orientation: 'axial', thickness: 0 },
+    { orientation: 'oblique', normal: [1, 2, 0.5], up: [0, 0, 1], thickness: 0 },
+    { orientation: 'coronal', thickness: 20, projection: 'mip' },
+    { orientation: 'sagittal', thickness: 20, projection: 'minip' },
+    { orientation: 'oblique', normal: [1, 2, 0.5], up: [0, 0, 1], thickness: 15, projection: 'average' },
+  ]) {
+    await d.patch(links.scene, { mpr });
+    const picture = readPng((await d.get(`${links.self}/frame?format=png`)).bytes);
+    for (const [x, y] of [[20, 20], [15, 22], [24, 11]]) {
+      const { json } = await d.get(`${links.self}/pick?x=${x}&y=${y}`);
+      const grey = Math.min(Math.max(json.value / 255 + 0.5 - 127 / 255, 0), 1) * 255;
+      assert.ok(Math.abs(grey - picture.at(x, y)[0]) <= 1.5, `${JSON.stringify([mpr, x, y, json])}: ${grey} for ${picture.at(x, y)[0]}`);
+      const at = (await d.get(`/v1/volumes/ball/value?at=${json.position.join(',')}`)).json.value;
+      if (mpr.projection !== 'average') assert.ok(Math.abs(at - json.value) < 1e-6, JSON.stringify([mpr, json, at]));
+      assert.ok(json.depth >= 0 && json.depth <= mpr.thickness);
+    }
+  }
+  await d.patch(links.scene, { clip: { planes: [[0, 0, 1, -1000]] } });
+  assert.deepEqual((await d.get(`${links.self}/pick?x=20&y=20`)).json, { position: null, value: null, depth: null });
 });
 
 test('pixels outside the picture and missing ones are refused', async () => {
