@@ -17,8 +17,8 @@ V_INLINE void add_cut(vm where, vf at, vf x, vf y, cuts *to) {
   v_store(to->y[to->n++], v_select(where, y, zero));
 }
 
-/* Kernels of a cut's face go no further than the object's surface beside their voxels, of a sheet's than both of its. own: of the face's splats; across_x,
- * across_y: the steps on the face that a pixel is; dx, dy: as in find_cuts(). */
+/* Kernels of a cut's face go no further than the object's surface beside their voxels, and on a sheet no further than its two
+ * sides. own: of the face's splats; across_x, across_y: the steps on the face that a pixel is; dx, dy: as in find_cuts(). */
 V_INLINE void cut_by_rim(const tc_splat_args *g, const tc_splats *of, uint32_t first, const shape *own, const vf across_x[3],
                          const vf across_y[3], vf dx, vf dy, cuts *to) {
   const vi rim = v_bits(v_load((const float *)(const void *)(of->rims + first)));

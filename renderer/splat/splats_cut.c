@@ -130,7 +130,8 @@ static void cut_bricks(cutting *c, int bx, int by) {
       for (int x = x0; x < MIN(x0 + TC_SPLAT_BRICK, dims[0]); x++) cut_column(c, x, y, bz);
     tc_splat_end_brick(&c->out, &c->curve);
     for (guint i = c->rims->len; i < c->out.words->len; i++) {
-      const uint32_t surface = c->surface[g_array_index(c->out.words, uint32_t, i) & 0xfff], rim = is_round(surface) ? surface & ~0xfffu : surface;
+      const uint32_t surface = c->surface[g_array_index(c->out.words, uint32_t, i) & 0xfff];
+      const uint32_t rim = is_round(surface) ? surface & ~0xfffu : surface;
       g_array_append_val(c->rims, rim);
     }
   }
@@ -161,7 +162,8 @@ tc_splats *tc_splats_cut(const tc_vmd *model, const tc_splats *of, const double 
                          GError **error) {
   const int *first = model->first, *size = model->size;
   bool left = false;
-  cutting c = {.model = model, .of = of, .planes = planes, .n_planes = n_planes, .out = tc_splat_pile_new(), .curve = tc_splat_curve_of(&model->head.grid)};
+  cutting c = {.model = model, .of = of, .planes = planes, .n_planes = n_planes, .out = tc_splat_pile_new(),
+               .curve = tc_splat_curve_of(&model->head.grid)};
   c.rims = g_array_new(FALSE, FALSE, sizeof(uint32_t));
   for (int i = 0; i < n_planes; i++)
     c.reach[i] = fmax(fabs(planes[i][0]), fmax(fabs(planes[i][1]), fabs(planes[i][2])));

@@ -14,7 +14,10 @@ layout(location = 3) uniform uvec2 sheet;      // PASS 4: four times the axis; a
 // cut: a plane may cut it; then origin is the point that is seen at its place, index coordinates from the brick's voxel 0, and
 // cut_x and cut_y are the steps on the surface that a pixel is. planes: those that cut it, bits. Of a cut's face the object's
 // surface may cut it, too: it ends where dot(rim.xyz, place) > rim.w, and of a sheet where it is below back.
-struct Footprint { vec2 at; float z; vec3 q; vec2 reach; float own; uint word, inset, look; bool cut; vec3 origin, cut_x, cut_y; vec4 rim; float back; uint planes; };
+struct Footprint {
+  vec2 at; float z; vec3 q; vec2 reach; float own; uint word, inset, look;
+  bool cut; vec3 origin, cut_x, cut_y; vec4 rim; float back; uint planes;
+};
 
 uint seen_faces(Entry e, vec3 d) {
   uint seen = 0u;
