@@ -95,25 +95,24 @@ bool tc_slice_pick(const tc_volume *volume, const tc_scene *scene, const double 
   tc_slice_rays(&rays, volume, scene, scene->image.width, scene->image.height);
   const line l = line_at(&rays, at);
   const tc_slab_projection projection = scene->mpr.projection;
-  double found = 0, sum = 0, place = 0, index[3];
+  double found = 0, sum = 0, seen = 0, place = 0, index[3];
   bool any = false, last = !(l.start < l.end);
   if (!(l.start <= l.end)) return false;
   /* where the kernels sample: at both ends and at whole steps from the plane */
-  for (double s = l.start, before = l.start, value_before = NAN;;) {
-    double value;
+  for (double s = l.start, before = l.start, value, value_before = NAN;;) {
     for (int k = 0; k < 3; k++) index[k] = l.from[k] + s * l.along[k];
-    if (tc_volume_value_at(volume, index, &value)) {
-      if (!any || (projection == TC_SLAB_MINIP ? value < found : value > found)) found = value, place = s;
-      if (isfinite(value_before)) sum += 0.5 * (s - before) * (value + value_before);
-      any = true, value_before = value, before = s;
-    }
+    if (!tc_volume_value_at(volume, index, &value)) value = NAN; /* a gap */
+    if (value == value && (!any || (projection == TC_SLAB_MINIP ? value < found : value > found))) found = value, place = s;
+    any |= value == value;
+    if (value == value && value_before == value_before) sum += 0.5 * (s - before) * (value + value_before), seen += s - before;
+    before = s, value_before = value;
     if (last) break;
     s = (floor(s / rays.step_mm + 1e-9) + 1) * rays.step_mm;
     last = s >= l.end;
     s = fmin(s, l.end);
   }
   if (!any) return false;
-  if (projection == TC_SLAB_AVERAGE && l.start < l.end) found = sum / (l.end - l.start), place = 0.5 * (l.start + l.end);
+  if (projection == TC_SLAB_AVERAGE && seen > 0) found = sum / seen, place = 0.5 * (l.start + l.end);
   for (int k = 0; k < 3; k++) index[k] = l.from[k] + place * l.along[k];
   tc_volume_index_to_lps(volume, index, hit->position);
   hit->value = found, hit->depth_mm = place + rays.eye_mm;

@@ -16,7 +16,8 @@ layout(depth_less) out float gl_FragDepth;
 // set_back() of raster_tmpl.h, of a back face.
 float depth_of() {
   float near = fma(gl_FragCoord.z, mesh.behind.y, mesh.behind.x), more = mesh.behind.w * (near + 1.0);
-  return gl_FrontFacing ? gl_FragCoord.z : ((near - (mesh.behind.z + more)) / (1.0 + more) - mesh.behind.x) / mesh.behind.y;
+  float back = ((near - (mesh.behind.z + more)) / (1.0 + more) - mesh.behind.x) / mesh.behind.y;
+  return gl_FrontFacing ? gl_FragCoord.z : min(back, gl_FragCoord.z);
 }
 #else
 float depth_of() { return gl_FragCoord.z; }
