@@ -193,15 +193,19 @@ static bool is_left(const pick *p, const int voxel[3], const double to[3], bool 
   return kept_by_planes(p, at, -1) || is_laid_open(p, voxel, axis, out / fmax((double)p->frame.args.move, 1e-3));
 }
 
-/* Whether the voxel has a splat of which the eye sees a face: a free one, or one that planes lay open (seen_faces() of tile_tmpl.h). */
-static bool is_seen(const pick *p, const int voxel[3]) {
+/* Whether the voxel has a splat that the eye sees, as project() of tile_tmpl.h has it: that shows a face, a free one or one that planes
+ * lay open, or whose surface faces the eye. front: the surface does, or is unknown. */
+static bool is_seen(const pick *p, const int voxel[3], bool front) {
+  double middle[3];
+  for (int k = 0; k < 3; k++) middle[k] = p->eye[k] - (voxel[k] / TC_SPLAT_BRICK + 0.5) * TC_SPLAT_BRICK + 0.5;
+  const double flat = p->frame.args.move > 0 && front ? TC_SPLAT_TILT * length3(middle) : 0;
   const bool kept = kept_by_planes(p, (double[]){voxel[0], voxel[1], voxel[2]}, -1);
   for (int face = 0; face < 6; face++) {
     const int k = face / 2, way = face & 1 ? 1 : -1;
     const double to_eye = p->eye[k] - voxel[k];
     int next[3] = {voxel[0], voxel[1], voxel[2]};
     double value;
-    if (!(to_eye * way > 0.5)) continue;
+    if (!(to_eye * way > 0.5) && !(flat > 0 && middle[k] * way > -flat)) continue;
     next[k] += way;
     if (!filled_at(p, next, &value) || (kept && !kept_by_planes(p, (double[]){next[0], next[1], next[2]}, -1))) return true;
   }
@@ -213,9 +217,12 @@ static bool is_seen(const pick *p, const int voxel[3]) {
 static bool meets(const pick *p, const int voxel[3], double *t, double *value) {
   const tc_splat_args *g = &p->frame.args;
   double axis[3] = {0}, flat = 1, move[2] = {0}, from[3], to[3], deep = 0, deeper = 0, near = 0;
-  if (!filled_at(p, voxel, value) || (g->opaque && !is_seen(p, voxel))) return false;
+  if (!filled_at(p, voxel, value)) return false;
   for (int k = 0; k < 3; k++) from[k] = voxel[k] - p->at[k];
   const bool shaped = shape_of(p, voxel, axis, &flat, move);
+  double to_eye[3];
+  for (int k = 0; k < 3; k++) to_eye[k] = p->eye[k] - voxel[k];
+  if (g->opaque && !is_seen(p, voxel, !shaped || dot3(axis, to_eye) > 0)) return false;
   if (shaped) flat = core_of(p, g->perspective ? from : p->along, axis, flat);
   if (!is_left(p, voxel, from, shaped, axis, move[1])) return false;
   for (int k = 0; k < 3; k++) {

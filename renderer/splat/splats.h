@@ -9,7 +9,8 @@
  * in bits 0 to 5, their thickness as 63rds of an ordinary kernel's.
  *
  * Interior voxels are no splats, since no eye sees them. A splat is invisible, too, to an eye on the filled side of all
- * its free faces. */
+ * its free faces, unless voxels are larger than pixels and its surface faces the eye: where a surface is seen at a flat
+ * angle, most of its voxels have no free face that the eye sees. */
 #ifndef TC_SPLAT_SPLATS_H
 #define TC_SPLAT_SPLATS_H
 

@@ -186,11 +186,15 @@ static void set_light(drawing *d) {
 
 /* ---- bricks ---- */
 
-/* Faces that every voxel of the brick shows, or (mixed) some do. */
-static void set_seen(tc_splat_entry *e) {
+/* Faces that every voxel of the brick shows, or (mixed) some do; and those that the eye may see aslant, from behind by up to TC_SPLAT_TILT. */
+static void set_seen(const drawing *d, tc_splat_entry *e) {
+  const double middle = 0.5 * (TC_SPLAT_BRICK - 1);
+  const double eye[3] = {(double)e->eye[0] - middle, (double)e->eye[1] - middle, (double)e->eye[2] - middle};
+  const double flat = TC_SPLAT_TILT * length3(eye);
   uint8_t all = 0, some = 0;
   for (int k = 0; k < 3; k++) {
     const double to_eye = (double)e->eye[k], last = TC_SPLAT_BRICK - 1;
+    if (d->args.opaque && d->args.move > 0) e->aslant |= (uint8_t)((eye[k] < flat) << 2 * k | (eye[k] > -flat) << (2 * k + 1));
     all |= (uint8_t)((to_eye < -0.5) << 2 * k | (to_eye - last > 0.5) << (2 * k + 1));
     some |= (uint8_t)((to_eye - last < -0.5) << 2 * k | (to_eye > 0.5) << (2 * k + 1));
   }
@@ -268,10 +272,10 @@ static bool enter(const drawing *d, const tc_splats *of, const tc_splat_brick *b
     middle[r] = at + 7.5 * (d->to_view[r][0] + d->to_view[r][1] + d->to_view[r][2]);
     e->eye[r] = (float)(d->eye[r] - b->at[r] * TC_SPLAT_BRICK);
   }
-  set_seen(e);
+  set_seen(d, e);
   if (!set_clipped(d, e) && d->args.culling) return false;
   if (!set_box(d, e, middle, half, size_mm) && d->args.culling) return false;
-  return (b->faces & e->seen) || !d->args.culling || !d->args.opaque;
+  return (b->faces & (e->seen | e->aslant)) || !d->args.culling || !d->args.opaque;
 }
 
 /* The longest that a unit vector of index space can be, mm, or somewhat more where the axes are oblique (Gershgorin's

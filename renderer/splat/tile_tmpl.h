@@ -237,10 +237,11 @@ V_INLINE bool project(const tc_splat_args *g, const tc_splat_entry *e, const tc_
   const uint32_t count = e->brick.first + e->brick.count - first;
   vi word = v_bits(v_load((const float *)(const void *)(e->of->words + first)));
   vf d[3] = {v_float(nibble(word, 0)), v_float(nibble(word, 4)), v_float(nibble(word, 8))};
-  vi faces = v_andi(v_sra(word, 12), e->mixed ? seen_faces(e, d) : v_seti(e->seen));
+  const vi faces = v_andi(v_sra(word, 12), v_seti(63)), seen = v_andi(faces, e->mixed ? seen_faces(e, d) : v_seti(e->seen));
   const vm lanes = v_lt(v_load(lane_numbers), v_set((float)count));
-  const vm facing = g->opaque ? v_lt(v_set(0), v_float(v_andi(faces, v_seti(63)))) : lanes;
-  const vm wanted = g->culling ? m_and(lanes, facing) : lanes;
+  vm facing = g->opaque ? v_lt(v_set(0), v_float(seen)) : lanes;
+  const vm aslant = v_lt(v_set(0), v_float(v_andi(faces, v_seti(e->aslant))));
+  const vm wanted = g->culling ? m_and(lanes, m_or(facing, aslant)) : lanes;
   if (!m_any(wanted)) return false;
   vf at[3] = {along(g, 0, d, e->at[0]), along(g, 1, d, e->at[1]), along(g, 2, d, e->at[2])};
   sight from = sight_of(g, t, at);
@@ -250,6 +251,7 @@ V_INLINE bool project(const tc_splat_args *g, const tc_splat_entry *e, const tc_
   if (shaped) {
     const vf eye[3] = {v_set(e->eye[0]) - d[0], v_set(e->eye[1]) - d[1], v_set(e->eye[2]) - d[2]};
     own = shape_of(g, e->of->insets + first, word, eye, at), from = sight_of(g, t, at);
+    facing = m_or(facing, m_and(aslant, m_or(own.front, is_thin(word))));
   }
   const vm inside = m_and(lanes, v_lt(v_set(g->near_mm), at[2]));
   vm alive = m_and(inside, facing);

@@ -171,7 +171,7 @@ static void put_entry(drawing *d, const tc_splat_entry *e) {
     const double *p = d->of.planes[i];
     to->starts[i] = (float)(p[3] + TC_SPLAT_BRICK * (p[0] * at[0] + p[1] * at[1] + p[2] * at[2]));
   }
-  to->words[2] = e->seen | (uint32_t)e->mixed << 8 | (uint32_t)e->clipped << 9;
+  to->words[2] = e->seen | (uint32_t)e->mixed << 8 | (uint32_t)e->clipped << 9 | (uint32_t)e->aslant << 16;
   d->n[e->of != d->of.of]++;
 }
 

@@ -132,11 +132,13 @@ void set_cut(Entry e, Shape own, vec3 d, vec3 jx, vec3 jy, uint rim, inout Footp
 // False: it is not seen, or does not meet the tile.
 bool project(Entry e, uint word, uint stored, uint rim, out Footprint f) {
   vec3 d = vec3(word & 15u, word >> 4 & 15u, word >> 8 & 15u);
-  uint faces = word >> 12 & 63u & ((e.words.z & 256u) != 0u ? seen_faces(e, d) : e.words.z);
+  uint own_faces = word >> 12 & 63u, faces = own_faces & ((e.words.z & 256u) != 0u ? seen_faces(e, d) : e.words.z);
   vec3 at = vec3(along(0, d, e.at.x), along(1, d, e.at.y), along(2, d, e.at.z));
   Shape own = Shape(vec3(0.0), 1.0, 1.0, 0.0, 0.0, false, false);
   if (PASS != 4 && splat.move > 0.0)
     own = shape_of(word, stored, e.eye.xyz - d, at);
+  if ((own_faces & e.words.z >> 16) != 0u && (own.front || is_thin(word)))
+    faces = own_faces;
   float x = at.x, y = at.y, u = 0.0, v = 0.0, scale = splat.scale;
   f.word = word, f.inset = stored, f.cut = (e.words.z & 512u) != 0u;
   f.z = at.z;

@@ -1,0 +1,96 @@
+/* Splats in voxels of many pixels, seen along the axes of the grid: surfaces that the eye looks along have voxels whose only free
+ * faces are edge-on. Outlines end where the surface does, and walls have no holes. */
+#include "tests/support/splats.h"
+
+#include "renderer/base/vector.h"
+
+enum { WIDE = 320 };
+static const double middle[3] = {19.5, 19.5, 19.5};
+
+/* A camera on axis `way` / 2, that sees `mm` of height. */
+static void look_along(tc_scene *scene, int way, tc_projection projection, double mm) {
+  const double away = projection == TC_PERSPECTIVE ? 300 : 100;
+  double from[3], side[3];
+  test_scene(scene, WIDE, WIDE);
+  scene->splat.opaque = scene->splat.culling = true;
+  direction(way, side);
+  for (int k = 0; k < 3; k++) from[k] = middle[k] + away * side[k];
+  test_scene_look(scene, projection, from, middle, projection == TC_PERSPECTIVE ? 360 / M_PI * atan(0.5 * mm / away) : mm);
+}
+
+static bool is_shown(const drawing *d, int x, int y) { return d->frame.linear[4 * (y * WIDE + x) + 3] > 0.5f; }
+
+/* Pixels a voxel are WIDE / mm; in perspective the ball's outline is somewhat wider than the ball. */
+TEST(a_ball_is_round) {
+  g_auto(object) o = object_of(&cube, blob, ball);
+  g_auto(drawing) d = {0};
+  for (int i = 0; i < 12; i++) {
+    const tc_projection projection = i < 6 ? TC_ORTHOGRAPHIC : TC_PERSPECTIVE;
+    const double mm = 36, radius = projection == TC_PERSPECTIVE ? 15 / sqrt(1 - 15.0 * 15 / (300 * 300)) : 15;
+    g_auto(tc_scene) scene;
+    double over = 0, under = 0;
+    look_along(&scene, i % 6, projection, mm);
+    draw_now(&o, &scene, (wish){0}, &d);
+    for (int y = 0; y < WIDE; y++)
+      for (int x = 0; x < WIDE; x++) {
+        const double from_middle = hypot(x + 0.5 - WIDE / 2, y + 0.5 - WIDE / 2) * mm / WIDE;
+        if (is_shown(&d, x, y)) over = fmax(over, from_middle - radius);
+        else under = fmax(under, radius - from_middle);
+      }
+    print_message("view %d: up to %.2f voxels beyond the outline, %.2f missing before it\n", i, over, under);
+    assert_true(over < 0.25 && under < 0.25);
+  }
+}
+
+typedef struct rod {
+  int axis; /* that it slants from */
+  double slant[2], radius;
+} rod;
+
+static void rod_way(const rod *r, double way[3]) {
+  way[r->axis] = 1, way[(r->axis + 1) % 3] = r->slant[0], way[(r->axis + 2) % 3] = r->slant[1];
+  normalise3(way);
+}
+
+static double rod_at(double x, double y, double z, const void *context) {
+  const rod *r = context;
+  double p[3] = {x - middle[0], y - middle[1], z - middle[2]}, way[3];
+  rod_way(r, way);
+  const double along = dot3(p, way);
+  return r->radius - sqrt(fmax(dot3(p, p) - along * along, 0));
+}
+
+/* Its wall goes back a voxel every few voxels. */
+TEST(slanting_rods_have_no_holes) {
+  const rod rods[] = {{1, {0.35, -0.2}, 4}, {0, {0.2, 0.5}, 3}, {2, {-0.15, 0.3}, 5}, {1, {0.25, 0.2}, 2.5}};
+  for (int i = 0; i < (int)G_N_ELEMENTS(rods); i++)
+    for (int side = 0; side < 2; side++) {
+      const rod *r = &rods[i];
+      const double mm = 20;
+      g_auto(object) o = object_of(&cube, rod_at, r);
+      g_auto(drawing) d = {0};
+      g_auto(tc_scene) scene;
+      double over = 0, under = 0, way[3];
+      look_along(&scene, 2 * r->axis + side, TC_ORTHOGRAPHIC, mm);
+      draw_now(&o, &scene, (wish){0}, &d);
+      tc_rays rays;
+      tc_rays_set_up(&rays, o.volume, &scene, WIDE, WIDE);
+      rod_way(r, way);
+      for (int y = 0; y < WIDE; y++)
+        for (int x = 0; x < WIDE; x++) {
+          double p[3], across[3], along, beside; /* the pixel from the rod's middle, in the plane of the picture */
+          for (int k = 0; k < 3; k++) p[k] = rays.anchor0[k] + (x + 0.5) * rays.anchor_du[k] + (y + 0.5) * rays.anchor_dv[k] - middle[k];
+          memcpy(across, way, sizeof across);
+          p[r->axis] = across[r->axis] = 0;
+          normalise3(across);
+          along = dot3(p, across), beside = sqrt(fmax(dot3(p, p) - along * along, 0));
+          if (fabs(along) > 2) continue; /* its ends are elsewhere */
+          if (is_shown(&d, x, y)) over = fmax(over, beside - r->radius);
+          else under = fmax(under, r->radius - beside);
+        }
+      print_message("rod %d, side %d: up to %.2f voxels beyond the outline, %.2f missing before it\n", i, side, over, under);
+      assert_true(over < 0.25 && under < 0.25);
+    }
+}
+
+TESTS(NULL, NULL)
