@@ -8,7 +8,7 @@
  * solid is constant), and lit (raycast/shading.h). Pixels without a core, at outlines, are partly covered. Where voxels
  * are larger than pixels, kernels take the shapes of what they are part of (shape_of() in tile_tmpl.h): flat ones that
  * touch the surface from within, sheets, and lines whose voxels touch by corners alone. Lines are lit as cylinders and
- * single voxels as balls (round_tmpl.h).
+ * single voxels as balls (round_tmpl.h). Then surfaces count that face the eye although their voxels' free faces do not.
  *
  * The clip box and planes cut surfaces pixel by pixel (cut_tmpl.h) and lay open what is inside (tc_splats_cut()); the face
  * ends where the surface does. A translucent object loses whole voxels.
