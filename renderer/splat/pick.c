@@ -193,21 +193,34 @@ static bool is_left(const pick *p, const int voxel[3], const double to[3], bool 
   return kept_by_planes(p, at, -1) || is_laid_open(p, voxel, axis, out / fmax((double)p->frame.args.move, 1e-3));
 }
 
+/* Whether a plane that faces the eye cuts off `next`, a neighbour of the voxel. */
+static bool faces_a_cut(const pick *p, const int next[3], const double to_eye[3]) {
+  const double at[3] = {next[0], next[1], next[2]};
+  bool any = false;
+  for (int i = 0; i < p->frame.args.n_planes; i++) {
+    const double *plane = p->frame.args.planes[i];
+    any |= dot3(plane, at) + plane[3] < 0 && dot3(plane, to_eye) < 0;
+  }
+  return any;
+}
+
 /* Whether the voxel has a splat that the eye sees, as project() of tile_tmpl.h has it: that shows a face, a free one or one that planes
  * lay open, or whose surface faces the eye. front: the surface does, or is unknown. */
-static bool is_seen(const pick *p, const int voxel[3], bool front) {
+static bool is_seen(const pick *p, const int voxel[3], const double to_eye[3], bool front) {
   double middle[3];
   for (int k = 0; k < 3; k++) middle[k] = p->eye[k] - (voxel[k] / TC_SPLAT_BRICK + 0.5) * TC_SPLAT_BRICK + 0.5;
-  const double flat = p->frame.args.move > 0 && front ? TC_SPLAT_TILT * length3(middle) : 0;
+  const double flat = p->frame.args.move > 0 ? TC_SPLAT_TILT * length3(middle) : -INFINITY;
   const bool kept = kept_by_planes(p, (double[]){voxel[0], voxel[1], voxel[2]}, -1);
   for (int face = 0; face < 6; face++) {
     const int k = face / 2, way = face & 1 ? 1 : -1;
-    const double to_eye = p->eye[k] - voxel[k];
+    const bool shows = to_eye[k] * way > 0.5;
     int next[3] = {voxel[0], voxel[1], voxel[2]};
     double value;
-    if (!(to_eye * way > 0.5) && !(flat > 0 && middle[k] * way > -flat)) continue;
+    if (!shows && !(middle[k] * way > -flat)) continue;
     next[k] += way;
-    if (!filled_at(p, next, &value) || (kept && !kept_by_planes(p, (double[]){next[0], next[1], next[2]}, -1))) return true;
+    if ((shows || front) && !filled_at(p, next, &value)) return true;
+    if (!kept || kept_by_planes(p, (double[]){next[0], next[1], next[2]}, -1)) continue;
+    if (shows || faces_a_cut(p, next, to_eye)) return true;
   }
   return false;
 }
@@ -222,7 +235,7 @@ static bool meets(const pick *p, const int voxel[3], double *t, double *value) {
   const bool shaped = shape_of(p, voxel, axis, &flat, move);
   double to_eye[3];
   for (int k = 0; k < 3; k++) to_eye[k] = p->eye[k] - voxel[k];
-  if (g->opaque && !is_seen(p, voxel, !shaped || dot3(axis, to_eye) > 0)) return false;
+  if (g->opaque && !is_seen(p, voxel, to_eye, !shaped || dot3(axis, to_eye) > 0)) return false;
   if (shaped) flat = core_of(p, g->perspective ? from : p->along, axis, flat);
   if (!is_left(p, voxel, from, shaped, axis, move[1])) return false;
   for (int k = 0; k < 3; k++) {
