@@ -35,7 +35,7 @@ typedef struct within {
   tc_raster_seen *found; /* [n_found]: layers of one ray per pixel, contiguous and sorted for each pixel */
   uint32_t n_found, found_room;
   uint32_t *next, *end;  /* [pixels]: index in found of the pixel's next layer, and past its last one */
-  float (*span)[2];      /* [pixels]: start and end of the next part, mm from the eye; empty: the ray has ended */
+  float (*span)[2];      /* [pixels]: start and end of the next part, mm from the eye; start beyond end: the ray has ended */
   float (*sum)[4], (*total)[4]; /* [pixels]: colour of the current ray; sum over earlier rays */
   float *clear, *most;   /* [pixels]: transparency so far; greatest grey so far, -1 before the ray meets the volume */
   tc_frame part;         /* picture of the volume's current part */
@@ -140,7 +140,8 @@ static void add_layer(within *w, size_t p, const tc_raster_seen *layer) {
   w->clear[p] *= 1 - layer->opacity;
 }
 
-/* Composites a part of a ray and the layer behind the part; sets the span of the next part. */
+/* Composites a part of a ray and the layer behind the part; sets the span of the next part. Layers come in the order in which they
+ * show, and a layer may be nearer than the one before it (tc_mesh_view.behind, rounding): then the part between them is empty. */
 static void go_on(within *w, size_t p, const float part[4], bool mip) {
   float *span = w->span[p];
   (mip ? add_mip : add_dvr)(w, p, part);
@@ -151,9 +152,9 @@ static void go_on(within *w, size_t p, const float part[4], bool mip) {
   }
   const tc_raster_seen *layer = &w->found[w->next[p]];
   add_layer(w, p, layer);
-  span[0] = layer->depth, span[1] = ++w->next[p] < w->end[p] ? layer[1].depth : INFINITY;
+  span[0] = span[1], span[1] = ++w->next[p] < w->end[p] ? fmaxf(span[0], layer[1].depth) : INFINITY;
   if (w->clear[p] < ENOUGH) span[0] = 1, span[1] = 0;
-  if (span[0] < span[1]) atomic_store_explicit(&w->more, true, memory_order_relaxed);
+  if (span[0] <= span[1]) atomic_store_explicit(&w->more, true, memory_order_relaxed);
 }
 
 static void composite_row(within *w, int y) {

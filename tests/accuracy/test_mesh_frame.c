@@ -176,6 +176,35 @@ TEST(of_labels_that_meet_the_front_shows) {
   }
 }
 
+/* In a volume that shows nothing, surfaces are those of mode mesh, also where two meet and the farther one counts as the nearer. */
+TEST(in_a_clear_volume_surfaces_are_those_of_mode_mesh) {
+  const int which = test_widest();
+  g_autoptr(tc_volume) labels = ball_in_shell();
+  const tc_render_request request = {.want_linear = true, .labels = labels};
+  for (int round = 0; round < 4; round++) {
+    g_auto(tc_scene) scene;
+    mesh_scene(&scene, labels, round & 1 ? TC_ORTHOGRAPHIC : TC_PERSPECTIVE);
+    strcpy(scene.labels.volume, "labels");
+    tc_mesh_surface *list = g_new0(tc_mesh_surface, 2);
+    for (int i = 0; i < 2; i++)
+      list[i] = (tc_mesh_surface){.source = TC_SURFACE_OF_LABEL, .label = i ? 7 : 3, .color = {i, 1 - i, 0.5}, .has_color = true,
+                                  .opacity = i ? 0.4 : 0.7, .visible = true, .two_sided = true};
+    tc_scene_set_surfaces(&scene, list, 2);
+    if (round > 1) scene.clip.n_planes = 1, memcpy(scene.clip.planes[0], (double[]){0.2, 1, 0.1, -24}, sizeof scene.clip.planes[0]);
+    const tc_frame *frame = test_draw(which, labels, &scene, &request, NULL);
+    g_autofree float *alone = g_memdup2(frame->linear, 16 * PIXELS);
+    const tc_knot clear = {0, {1, 1, 1}, 0};
+    test_scene_knots(&scene, TC_KNOT_EXTINCTION, &clear, 1);
+    scene.mode = TC_MODE_DVR, scene.mesh.with_volume = true;
+    frame = test_draw(which, labels, &scene, &request, NULL);
+    double apart = 0;
+    int shown = 0;
+    for (int i = 0; i < 4 * PIXELS; i++) apart = fmax(apart, fabs((double)frame->linear[i] - alone[i])), shown += alone[i] > 0;
+    printf("  round %d: at most %.6f apart, %d values shown\n", round, apart, shown);
+    assert_true(apart < 1e-3 && shown > PIXELS / 4);
+  }
+}
+
 TEST(frames_stop_and_go_on_to_the_same_picture) {
   const int which = test_widest();
   tc_scene scene;
