@@ -249,7 +249,6 @@ TEST(what_is_covered_is_known_before) {
   test_free(p);
 }
 
-/* A part that is copied out of several and put together again is what it was. */
 /* Whatever the order of small and large parts, and wherever they lie: depth buffers end at the sphere. */
 TEST(the_sphere_holds_all_parts) {
   for (int round = 0; round < 40; round++) {
@@ -272,6 +271,7 @@ TEST(the_sphere_holds_all_parts) {
   }
 }
 
+/* A part that is copied out of several and put together again is what it was. */
 TEST(parts_are_copied_whole) {
   tc_clusters *all = parts((tc_mesh *[]){spheres(30, 1, 20, 0), spheres(50, 1, 30, 0), spheres(10, 1, 40, 0)}, 3), *again = NULL;
   for (size_t i = 0; i < 3; i++)

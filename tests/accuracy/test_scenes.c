@@ -1,9 +1,10 @@
-/* Random scenes of every mode on the gl back end against the cpu's: what single scenes of the other tests combine too seldom
- * (planes with thin voxels, labels with slabs, a filter with a gradient). TC_LONG=1 draws 2,000 instead of 120; TC_SEEDS=200-400
- * those of these numbers. */
+/* Random scenes of every mode: the gl back end draws them as the cpu does, and what skipping and culling leave out changes no bit.
+ * Other tests draw what they are about; these scenes combine it (planes with thin voxels, labels with slabs, a filter with a
+ * gradient). TC_LONG=1 draws 2,000 instead of 120; TC_SEEDS=200-400 those of these numbers. */
 #include "tests/support/splats.h"
 
 #include "renderer/base/vector.h"
+#include "renderer/mesh/gl/mesh.h"
 #include "renderer/plan/plan.h"
 #include "tests/support/renderers.h"
 
@@ -79,13 +80,12 @@ static void some_clip(dice *d, tc_scene *s) {
     for (int side = 0; side < 2; side++) s->clip.box[side][k] = s->camera.target[k] + (side ? 1 : -1) * within(d, 4, 20);
 }
 
-/* Opaque ones: layers are the cpu's where OpenGL is software. */
 static void some_surfaces(dice *d, const subject *on, tc_scene *s) {
   const int n = 1 + one_of(d, 4);
   tc_mesh_surface *of = g_new0(tc_mesh_surface, n);
   for (int i = 0; i < n; i++) {
-    of[i] = (tc_mesh_surface){.source = TC_SURFACE_OF_VALUE, .value = within(d, 0.3, 0.7), .opacity = 1, .visible = !happens(d, 0.1),
-                              .two_sided = !happens(d, 0.2), .has_color = !happens(d, 0.2)};
+    of[i] = (tc_mesh_surface){.source = TC_SURFACE_OF_VALUE, .value = within(d, 0.3, 0.7), .opacity = happens(d, 0.7) ? 1 : within(d, 0.1, 0.9),
+                              .visible = !happens(d, 0.1), .two_sided = !happens(d, 0.2), .has_color = !happens(d, 0.2)};
     for (int k = 0; k < 3; k++) of[i].color[k] = within(d, 0, 1);
     if (happens(d, 0.2)) of[i].source = TC_SURFACE_OF_PLANE, of[i].plane = (tc_mpr_orientation)one_of(d, 3), of[i].two_sided = true;
     if (on->labels && happens(d, 0.5)) of[i].source = TC_SURFACE_OF_LABEL, of[i].label = 1 + one_of(d, 4);
@@ -150,18 +150,36 @@ static int count_apart(const tc_scene *scene, const tc_frame *cpu, const tc_fram
   return apart;
 }
 
+typedef struct range {
+  int from, to;
+} range;
+
+static range seeds(void) {
+  range r = {0, getenv("TC_LONG") ? 2000 : 120};
+  if (getenv("TC_SEEDS")) sscanf(getenv("TC_SEEDS"), "%d-%d", &r.from, &r.to);
+  return r;
+}
+
+/* False: no scene that is offered. */
+static bool begin(int seed, subject *on, tc_scene *scene) {
+  dice d = {(uint64_t)seed * 7919 + 1};
+  g_autoptr(GError) error = NULL;
+  *on = some_subject(&d);
+  some_scene(&d, on, scene);
+  if (tc_plan_check(on->volume, scene, W, H, NULL, &error)) return true;
+  assert_true(g_error_matches(error, TC_ERROR, TC_ERROR_UNSUPPORTED));
+  return false;
+}
+
 TEST(random_scenes_are_the_cpus) {
   needs(test_renderers[GL]);
-  int from = 0, to = getenv("TC_LONG") ? 2000 : 120, refused = 0, drawn[TC_MODE_COUNT] = {0}, shown = 0;
-  if (getenv("TC_SEEDS")) sscanf(getenv("TC_SEEDS"), "%d-%d", &from, &to);
-  for (int seed = from; seed < to; seed++) {
-    dice d = {(uint64_t)seed * 7919 + 1};
-    g_autoptr(GError) error = NULL;
+  const range r = seeds();
+  int refused = 0, drawn[TC_MODE_COUNT] = {0}, shown = 0;
+  tc_gl_mesh_peels_in_software = true;
+  for (int seed = r.from; seed < r.to; seed++) {
     g_auto(tc_scene) scene;
-    g_auto(subject) on = some_subject(&d);
-    some_scene(&d, &on, &scene);
-    if (!tc_plan_check(on.volume, &scene, W, H, NULL, &error)) {
-      assert_true(g_error_matches(error, TC_ERROR, TC_ERROR_UNSUPPORTED));
+    g_auto(subject) on = {0};
+    if (!begin(seed, &on, &scene)) {
       refused++;
       continue;
     }
@@ -175,9 +193,30 @@ TEST(random_scenes_are_the_cpus) {
     if (apart) printf("  scene %d, %s: %d of %d pixels are off by more than 1/255\n", seed, tc_mode_names[scene.mode], apart, seen);
     assert_true(apart <= 3 + seen / 500);
   }
-  for (int m = 0; m < TC_MODE_COUNT && to - from >= 120; m++) assert_true(drawn[m] >= (to - from) / 40);
-  printf("  %d scenes, %d of them not offered, %d pixels shown\n", to - from, refused, shown);
-  assert_true(shown > (to - from) * 1000);
+  tc_gl_mesh_peels_in_software = false;
+  for (int m = 0; m < TC_MODE_COUNT && r.to - r.from >= 120; m++) assert_true(drawn[m] >= (r.to - r.from) / 40);
+  printf("  %d scenes, %d of them not offered, %d pixels shown\n", r.to - r.from, refused, shown);
+  assert_true(shown > (r.to - r.from) * 1000);
+}
+
+TEST(what_is_left_out_changes_no_bit) {
+  const range r = seeds();
+  const int which = test_widest();
+  int compared = 0;
+  for (int seed = r.from; seed < r.to; seed++) {
+    g_auto(tc_scene) scene;
+    g_auto(subject) on = {0};
+    if (!begin(seed, &on, &scene)) continue;
+    const tc_render_request request = {.want_linear = true, .labels = on.labels};
+    g_autofree float *with = g_memdup2(test_draw(which, on.volume, &scene, &request, NULL)->linear, 16 * W * H);
+    scene.skipping.mode = scene.skipping.mode == TC_SKIPPING_OFF ? TC_SKIPPING_AUTO : TC_SKIPPING_OFF;
+    scene.splat.culling = !scene.splat.culling;
+    const tc_frame *without = test_draw(which, on.volume, &scene, &request, NULL);
+    if (memcmp(without->linear, with, 16 * W * H)) fail_msg("scene %d, %s: other bits", seed, tc_mode_names[scene.mode]);
+    compared++;
+  }
+  printf("  %d scenes compared\n", compared);
+  assert_true(compared > (r.to - r.from) / 2);
 }
 
 TESTS(test_renderers_open, test_renderers_close)
