@@ -90,6 +90,8 @@ static line line_at(const tc_rays *rays, const double at[2]) {
   return l;
 }
 
+#define MOST_PICKED 10000 /* samples of a pick: a scene may ask for millions, and nobody can stop a pick */
+
 bool tc_slice_pick(const tc_volume *volume, const tc_scene *scene, const double at[2], tc_slice_hit *hit) {
   tc_rays rays;
   tc_slice_rays(&rays, volume, scene, scene->image.width, scene->image.height);
@@ -98,6 +100,7 @@ bool tc_slice_pick(const tc_volume *volume, const tc_scene *scene, const double 
   double found = 0, sum = 0, seen = 0, place = 0, index[3];
   bool any = false, last = !(l.start < l.end);
   if (!(l.start <= l.end)) return false;
+  const double step = fmax(rays.step_mm, (l.end - l.start) / MOST_PICKED);
   /* where the kernels sample: at both ends and at whole steps from the plane */
   for (double s = l.start, before = l.start, value, value_before = NAN;;) {
     for (int k = 0; k < 3; k++) index[k] = l.from[k] + s * l.along[k];
@@ -107,7 +110,7 @@ bool tc_slice_pick(const tc_volume *volume, const tc_scene *scene, const double 
     if (value == value && value_before == value_before) sum += 0.5 * (s - before) * (value + value_before), seen += s - before;
     before = s, value_before = value;
     if (last) break;
-    s = (floor(s / rays.step_mm + 1e-9) + 1) * rays.step_mm;
+    s = (floor(s / step + 1e-9) + 1) * step;
     last = s >= l.end;
     s = fmin(s, l.end);
   }

@@ -9,7 +9,6 @@
 
 #define MOST_WIDER 8 /* voxels: most that a core is widened to a pixel's width */
 #define WIDEST (MOST_WIDER + 2.0)
-#define FAR_AWAY 1e7 /* mm */
 
 /* A ray in index coordinates: at + t * along, t in mm from the eye. */
 typedef struct pick {
@@ -18,7 +17,6 @@ typedef struct pick {
   const int *dims;
   bool labels; /* the volume's values are */
   double at[3], along[3];
-  double eye[3];           /* as drawn (splatter.c), index coordinates; of a parallel projection far behind the picture's middle */
   double pixel[2];         /* in perspective from the picture's middle; else 0, since the ray passes through it */
   double from, to;         /* mm within the volume's box, widened by what a core can be */
   tc_splat_frame frame;    /* its kernels */
@@ -40,9 +38,6 @@ static void set_ray(pick *p, const double at[2]) {
     for (int k = 0; k < 3; k++) p->along[r] += rays.to_index[3 * r + k] * view[k] / length;
     p->at[r] = rays.anchor0[r] + at[0] * rays.anchor_du[r] + at[1] * rays.anchor_dv[r] - eye * p->along[r];
   }
-  double from[3];
-  for (int k = 0; k < 3; k++) from[k] = p->scene->camera.position[k] - (rays.perspective ? 0 : FAR_AWAY * view[k] / length);
-  tc_volume_lps_to_index(p->volume, from, p->eye);
   p->pixel[0] = rays.perspective ? at[0] - 0.5 * p->scene->image.width : 0;
   p->pixel[1] = rays.perspective ? at[1] - 0.5 * p->scene->image.height : 0;
   p->from = 0, p->to = 1e30;
@@ -207,16 +202,15 @@ static bool faces_a_cut(const pick *p, const int next[3], const double to_eye[3]
 /* Whether the voxel has a splat that the eye sees, as project() of tile_tmpl.h has it: that shows a face, a free one or one that planes
  * lay open, or whose surface faces the eye. front: the surface does, or is unknown. */
 static bool is_seen(const pick *p, const int voxel[3], const double to_eye[3], bool front) {
-  double middle[3];
-  for (int k = 0; k < 3; k++) middle[k] = p->eye[k] - (voxel[k] / TC_SPLAT_BRICK + 0.5) * TC_SPLAT_BRICK + 0.5;
-  const double flat = p->frame.args.move > 0 ? TC_SPLAT_TILT * length3(middle) : -INFINITY;
+  const int brick[3] = {voxel[0] / TC_SPLAT_BRICK, voxel[1] / TC_SPLAT_BRICK, voxel[2] / TC_SPLAT_BRICK};
+  const unsigned aslant = p->frame.args.move > 0 ? tc_splat_aslant(p->frame.eye, brick) : 0;
   const bool kept = kept_by_planes(p, (double[]){voxel[0], voxel[1], voxel[2]}, -1);
   for (int face = 0; face < 6; face++) {
     const int k = face / 2, way = face & 1 ? 1 : -1;
     const bool shows = to_eye[k] * way > 0.5;
     int next[3] = {voxel[0], voxel[1], voxel[2]};
     double value;
-    if (!shows && !(middle[k] * way > -flat)) continue;
+    if (!shows && !(aslant >> face & 1)) continue;
     next[k] += way;
     if ((shows || front) && !filled_at(p, next, &value)) return true;
     if (!kept || kept_by_planes(p, (double[]){next[0], next[1], next[2]}, -1)) continue;
@@ -229,12 +223,10 @@ static bool is_seen(const pick *p, const int voxel[3], const double to_eye[3], b
  * mm. */
 static bool meets(const pick *p, const int voxel[3], double *t, double *value) {
   const tc_splat_args *g = &p->frame.args;
-  double axis[3] = {0}, flat = 1, move[2] = {0}, from[3], to[3], deep = 0, deeper = 0, near = 0;
+  double axis[3] = {0}, flat = 1, move[2] = {0}, from[3], to[3], to_eye[3], deep = 0, deeper = 0, near = 0;
   if (!filled_at(p, voxel, value)) return false;
-  for (int k = 0; k < 3; k++) from[k] = voxel[k] - p->at[k];
+  for (int k = 0; k < 3; k++) from[k] = voxel[k] - p->at[k], to_eye[k] = p->frame.eye[k] - voxel[k];
   const bool shaped = shape_of(p, voxel, axis, &flat, move);
-  double to_eye[3];
-  for (int k = 0; k < 3; k++) to_eye[k] = p->eye[k] - voxel[k];
   if (g->opaque && !is_seen(p, voxel, to_eye, !shaped || dot3(axis, to_eye) > 0)) return false;
   if (shaped) flat = core_of(p, g->perspective ? from : p->along, axis, flat);
   if (!is_left(p, voxel, from, shaped, axis, move[1])) return false;

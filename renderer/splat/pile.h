@@ -24,6 +24,7 @@ void tc_splat_pile_free(tc_splat_pile pile); /* zeros are fine */
 void tc_splat_begin_brick(const tc_splat_pile *pile, const int at[3]);
 /* at: voxels, of which the place in the brick counts. normal: in LPS, any length; not read without faces. */
 void tc_splat_add(const tc_splat_pile *pile, const int at[3], unsigned faces, const double normal[3], uint8_t inset);
+/* word, inset: as in tc_splats. */
 void tc_splat_add_word(const tc_splat_pile *pile, uint32_t word, uint8_t inset);
 /* Sorts its splats; curve NULL: they stay in their order. */
 void tc_splat_end_brick(const tc_splat_pile *pile, const tc_splat_curve *curve);

@@ -186,23 +186,20 @@ static void set_light(drawing *d) {
 
 /* ---- bricks ---- */
 
-/* Faces that every voxel of the brick shows, or (mixed) some do; and those that the eye may see aslant, from behind by up to TC_SPLAT_TILT. */
+/* Faces that every voxel of the brick shows, or (mixed) some do; and those that are aslant. */
 static void set_seen(const drawing *d, tc_splat_entry *e) {
-  const double middle = 0.5 * (TC_SPLAT_BRICK - 1);
-  const double eye[3] = {(double)e->eye[0] - middle, (double)e->eye[1] - middle, (double)e->eye[2] - middle};
-  const double flat = TC_SPLAT_TILT * length3(eye);
   uint8_t all = 0, some = 0;
   for (int k = 0; k < 3; k++) {
     const double to_eye = (double)e->eye[k], last = TC_SPLAT_BRICK - 1;
-    if (d->args.opaque && d->args.move > 0) e->aslant |= (uint8_t)((eye[k] < flat) << 2 * k | (eye[k] > -flat) << (2 * k + 1));
     all |= (uint8_t)((to_eye < -0.5) << 2 * k | (to_eye - last > 0.5) << (2 * k + 1));
     some |= (uint8_t)((to_eye - last < -0.5) << 2 * k | (to_eye > 0.5) << (2 * k + 1));
   }
   e->seen = some;
   e->mixed = all != some;
+  if (d->args.opaque && d->args.move > 0) e->aslant = tc_splat_aslant(d->eye, e->brick.at);
 }
 
-/* Whether the object's surface ends kernels of a cut's brick. */
+/* Whether a cut's brick has kernels that the object's surface ends, or lines and single voxels, which all planes cut. */
 static bool has_rims(const tc_splats *of, const tc_splat_brick *b) {
   bool any = false;
   for (uint32_t i = b->first; i < b->first + b->count && !any; i++) any = of->rims[i] != 0;
@@ -573,7 +570,7 @@ bool tc_splat_frame_begin(tc_splat_frame *f, const tc_splat_job *job, GError **e
     return false;
   }
   *f = (tc_splat_frame){.args = d.args, .of = job->splats, .entries = d.entries, .n_entries = d.n_entries};
-  memcpy(f->planes, d.planes, sizeof f->planes);
+  memcpy(f->planes, d.planes, sizeof f->planes), memcpy(f->eye, d.eye, sizeof f->eye);
   f->args.planes = (const double(*)[4])f->planes;
   return true;
 }

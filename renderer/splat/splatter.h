@@ -59,6 +59,7 @@ typedef struct tc_splat_frame {
   tc_splat_entry *entries;
   int n_entries;
   double planes[TC_MAX_CLIP_PLANES][4];
+  double eye[3]; /* index coordinates; of a parallel projection far behind the middle of the picture */
 } tc_splat_frame;
 bool tc_splat_frame_begin(tc_splat_frame *frame, const tc_splat_job *job, GError **error); /* TC_ERROR_MEMORY */
 void tc_splat_frame_end(tc_splat_frame *frame);

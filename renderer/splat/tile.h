@@ -3,6 +3,8 @@
 #ifndef TC_SPLAT_TILE_H
 #define TC_SPLAT_TILE_H
 
+#include <math.h>
+
 #include "renderer/raycast/cpu/kernels.h"
 #include "renderer/splat/splats.h"
 
@@ -67,7 +69,7 @@ typedef struct tc_splat_entry {
   float at[3];         /* view space, its voxel 0 */
   float eye[3];        /* index coordinates, from its voxel 0 */
   uint8_t seen, mixed; /* faces that all of its voxels show to the eye; or each its own */
-  uint8_t aslant; /* faces that the eye may see so flatly that a surface that faces it has no other; 0 where splats have no shapes */
+  uint8_t aslant;      /* tc_splat_aslant(): a splat with one of these faces counts if its surface faces the eye; 0: none does */
   uint8_t clipped;     /* a plane may cut its splats, or of a cut the object's surface may */
 } tc_splat_entry;
 
@@ -106,6 +108,17 @@ typedef struct tc_splat_kernels {
 } tc_splat_kernels;
 
 extern const tc_splat_kernels tc_splat_scalar, tc_splat_avx2;
+
+/* Faces of a brick's voxels that a surface which faces the eye can have, although they need not face it themselves: bits. eye: index
+ * coordinates; brick: in bricks. */
+static inline uint8_t tc_splat_aslant(const double eye[3], const int brick[3]) {
+  double to_eye[3], square = 0;
+  uint8_t faces = 0;
+  for (int k = 0; k < 3; k++) to_eye[k] = eye[k] - (brick[k] + 0.5) * TC_SPLAT_BRICK + 0.5, square += to_eye[k] * to_eye[k];
+  const double flat = TC_SPLAT_TILT * sqrt(square);
+  for (int k = 0; k < 3; k++) faces |= (uint8_t)((to_eye[k] < flat) << 2 * k | (to_eye[k] > -flat) << (2 * k + 1));
+  return faces;
+}
 
 /* Brings `farthest` up to date in a box (of the tile): x0, y0, x1, y1. */
 void tc_tile_refresh(tc_splat_tile *tile, const int box[4]);
