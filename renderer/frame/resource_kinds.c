@@ -398,15 +398,15 @@ static void *splats_begin(const tc_making *m, GError **error) {
 }
 
 static void cut_key(const tc_frame_job *job, GByteArray *key) {
-  double planes[TC_MAX_CLIP_PLANES][4];
-  const int n = tc_splat_planes(object_of(job), job->scene, planes);
+  double planes[TC_SPLAT_MOST_PLANES][4];
+  const int n = tc_splat_planes(object_of(job), job->scene, 0, planes); /* the model says which sides it reaches */
   model_key(job, key);
   append(key, planes, (size_t)n * sizeof *planes);
 }
 
 static void *cut_begin(const tc_making *m, GError **error) {
-  double planes[TC_MAX_CLIP_PLANES][4];
-  const int n = tc_splat_planes(object_of(m->job), m->job->scene, planes);
+  double planes[TC_SPLAT_MOST_PLANES][4];
+  const int n = tc_splat_planes(object_of(m->job), m->job->scene, m->job->have.splats->sides, planes);
   return tc_splats_cut(m->job->have.model, m->job->have.splats, (const double(*)[4])planes, n, tc_pool_halt(m->pool), error);
 }
 

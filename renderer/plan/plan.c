@@ -202,7 +202,7 @@ static void plan_splat(tc_plan *plan, const tc_volume *volume, const tc_scene *s
   plan_labels(plan, s);
   need(plan, TC_RESOURCE_MODEL);
   need(plan, TC_RESOURCE_SPLATS);
-  if (plan->key.clipping && s->splat.opaque) need(plan, TC_RESOURCE_CUT);
+  if (s->splat.opaque) need(plan, TC_RESOURCE_CUT);
 }
 
 /* Surfaces within a volume. */

@@ -4,7 +4,7 @@
 /* Where planes cut the splats of a batch: a pixel dx, dy from splat i's place is kept if at + x dx + y dy >= 0 for each. */
 typedef struct cuts {
   int n;
-  float at[TC_MAX_CLIP_PLANES + 2][V_LANES], x[TC_MAX_CLIP_PLANES + 2][V_LANES], y[TC_MAX_CLIP_PLANES + 2][V_LANES];
+  float at[TC_SPLAT_MOST_PLANES + 2][V_LANES], x[TC_SPLAT_MOST_PLANES + 2][V_LANES], y[TC_SPLAT_MOST_PLANES + 2][V_LANES];
 } cuts;
 
 V_INLINE void cross_of(const vf a[3], const vf b[3], vf to[3]) {
@@ -36,11 +36,11 @@ V_INLINE void cut_by_rim(const tc_splat_args *g, const tc_splats *of, uint32_t f
 }
 
 /* Of a cut, the plane nearest to a splat is its face's and does not cut the face. Lines, single voxels, and voxels that two planes lay
- * open on opposite sides have no face, and every plane cuts them. d: the splats' points on their faces. */
+ * open on opposite sides have no face, and every plane cuts them. d: the splats' points on their faces, wholly moved. */
 V_INLINE void spare_faces(const tc_splat_args *g, const tc_splat_entry *e, vi word, const vf d[3], cuts *to) {
   const vf zero = v_set(0);
   const vm round = is_thin(word);
-  vf away[TC_MAX_CLIP_PLANES], least = v_set(1e30f); /* voxels */
+  vf away[TC_SPLAT_MOST_PLANES], least = v_set(1e30f); /* voxels */
   for (int i = 0; i < g->n_planes; i++) {
     away[i] = v_abs(along_plane(g->planes[i], d) + v_set(plane_start(g, e, i))) * v_set((float)(1 / length3(g->planes[i])));
     least = v_min(least, away[i]);
@@ -57,14 +57,17 @@ V_INLINE void spare_faces(const tc_splat_args *g, const tc_splat_entry *e, vi wo
 V_INLINE void find_cuts(const tc_splat_args *g, const tc_splat_entry *e, const tc_splat_tile *t, uint32_t first, cuts *to) {
   const vi word = v_bits(v_load((const float *)(const void *)(e->of->words + first)));
   const vf zero = v_set(0);
-  vf d[3] = {v_float(nibble(word, 0)), v_float(nibble(word, 4)), v_float(nibble(word, 8))}, shift = zero;
+  vf d[3] = {v_float(nibble(word, 0)), v_float(nibble(word, 4)), v_float(nibble(word, 8))}, shift = zero, face[3] = {d[0], d[1], d[2]};
   vf at[3] = {along(g, 0, d, e->at[0]), along(g, 1, d, e->at[1]), along(g, 2, d, e->at[2])};
   vf jx[3], jy[3], normal[3], area[3], across_x[3], across_y[3], facing = zero, square = zero;
   shape own = {.axis = {zero, zero, zero}, .flat = v_lt(zero, zero)};
   if (has_shapes(g)) {
     const vf eye[3] = {v_set(e->eye[0]) - d[0], v_set(e->eye[1]) - d[1], v_set(e->eye[2]) - d[2]};
     own = shape_of(g, e->of->insets + first, word, eye, at);
-    for (int k = 0; k < 3; k++) d[k] = v_fma(own.axis[k], own.surface, d[k]);
+    for (int k = 0; k < 3; k++) {
+      face[k] = v_fma(own.axis[k], own.surface * v_set(1 / g->move), d[k]);
+      d[k] = v_fma(own.axis[k], own.surface, d[k]);
+    }
     shift = own.surface - own.middle;
   }
   const sight s = sight_of(g, t, at);
@@ -90,7 +93,7 @@ V_INLINE void find_cuts(const tc_splat_args *g, const tc_splat_entry *e, const t
     v_store(to->at[i], v_fnma(x, dx, v_fnma(y, dy, away))), v_store(to->x[i], x), v_store(to->y[i], y);
   }
   if (!e->of->cut) return;
-  spare_faces(g, e, word, d, to);
+  spare_faces(g, e, word, face, to);
   cut_by_rim(g, e->of, first, &own, across_x, across_y, dx, dy, to);
 }
 

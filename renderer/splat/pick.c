@@ -57,10 +57,11 @@ static bool is_filled(const pick *p, double value) {
   return value > 0 && shown;
 }
 
+/* Beyond the grid: as at its side. */
 static bool filled_at(const pick *p, const int voxel[3], double *value) {
-  for (int k = 0; k < 3; k++)
-    if (voxel[k] < 0 || voxel[k] >= p->dims[k]) return false;
-  return tc_volume_value_at(p->volume, (double[]){voxel[0], voxel[1], voxel[2]}, value) && is_filled(p, *value);
+  double at[3];
+  for (int k = 0; k < 3; k++) at[k] = MIN(MAX(voxel[k], 0), p->dims[k] - 1);
+  return tc_volume_value_at(p->volume, at, value) && is_filled(p, *value);
 }
 
 /* Whether some face is free, and opposite ones are not: what is inside is drawn as it is, and so is what is thin. */
@@ -212,6 +213,7 @@ static bool is_seen(const pick *p, const int voxel[3], const double to_eye[3], b
     double value;
     if (!shows && !(aslant >> face & 1)) continue;
     next[k] += way;
+    if (shows && (next[k] < 0 || next[k] == p->dims[k])) return true; /* the grid's side cuts it */
     if ((shows || front) && !filled_at(p, next, &value)) return true;
     if (!kept || kept_by_planes(p, (double[]){next[0], next[1], next[2]}, -1)) continue;
     if (shows || faces_a_cut(p, next, to_eye)) return true;
@@ -268,7 +270,7 @@ static void look_around(const pick *p, double t, double reach, tc_splat_hit *hit
 bool tc_splat_pick(const tc_volume *of, const tc_volume *labels, const tc_scene *scene, const double at[2],
                    tc_splat_hit *hit) {
   const tc_volume *volume = labels ? labels : of;
-  const tc_splats none = {0};
+  const tc_splats none = {.sides = 63};
   tc_frame frame = {.width = scene->image.width, .height = scene->image.height};
   const tc_splat_job job = {.volume = volume, .splats = &none, .scene = scene, .frame = &frame};
   pick p = {.volume = volume, .labels = labels != NULL, .scene = scene, .dims = tc_volume_describe(volume)->dims};

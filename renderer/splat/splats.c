@@ -26,8 +26,12 @@ typedef struct building {
   tc_splat_pile *piles;   /* [layers] */
   const tc_halt *halt;
   atomic_bool left;
+  atomic_uint sides;
   atomic_uint_fast64_t total; /* words of all piles */
 } building;
+
+/* Beyond the grid's last voxel a run goes on as far as normals look. */
+static int beyond_grid(const building *b, int z) { return z == b->model->head.grid.dims[2] ? REACH : 0; }
 
 static void set_bits(uint64_t *column, size_t stride, int z, int count) {
   while (count > 0) {
@@ -37,19 +41,23 @@ static void set_bits(uint64_t *column, size_t stride, int z, int count) {
   }
 }
 
-/* What the block held is cleared first: it costs what is filled, not the grid. */
+/* What the block held is cleared first: it costs what is filled, not the grid. Columns beyond the grid are the nearest within. */
 static void read_block(const building *b, int bx, int by, block *to) {
   const size_t row = (size_t)b->words * ACROSS, first = (size_t)(to->from / 64) * ACROSS;
   for (int r = 0; r < ACROSS && to->from < to->to; r++)
     memset(to->bits + (size_t)r * row + first, 0, ((size_t)((to->to - 1) / 64 + 1) * ACROSS - first) * sizeof *to->bits);
+  const int *dims = b->model->head.grid.dims;
   to->x0 = bx * TC_SPLAT_BRICK - REACH;
-  to->from = b->model->head.grid.dims[2], to->to = 0;
+  to->from = dims[2], to->to = 0;
   for (int r = 0; r < ACROSS; r++)
-    for (int c = 0; c < ACROSS; c++)
-      for (tc_vmd_run run = {.at = tc_vmd_column(b->model, to->x0 + c, by * TC_SPLAT_BRICK - REACH + r)}; tc_vmd_next(b->model, &run);) {
-        to->from = MIN(to->from, run.z), to->to = MAX(to->to, run.z + run.count);
-        set_bits(to->bits + (size_t)r * row + c, ACROSS, run.z, run.count);
+    for (int c = 0; c < ACROSS; c++) {
+      const int x = MIN(MAX(to->x0 + c, 0), dims[0] - 1), y = MIN(MAX(by * TC_SPLAT_BRICK - REACH + r, 0), dims[1] - 1);
+      for (tc_vmd_run run = {.at = tc_vmd_column(b->model, x, y)}; tc_vmd_next(b->model, &run);) {
+        const int count = run.count + beyond_grid(b, run.z + run.count);
+        to->from = MIN(to->from, run.z), to->to = MAX(to->to, run.z + count);
+        set_bits(to->bits + (size_t)r * row + c, ACROSS, run.z, count);
       }
+    }
 }
 
 /* Of a row, bits z .. z + 15 of column x (z a multiple of 16) from bit 0, the neighbours' on either side of them. */
@@ -59,7 +67,8 @@ typedef struct window {
 } window;
 
 static uint64_t slice(const window *w, int x, int z) {
-  if (z < 0 || z >= w->words * 64) return 0;
+  if (z < 0) return slice(w, x, 0) & 1 ? 0xffff : 0;
+  if (z >= w->words * 64) return 0;
   return w->bits[(size_t)(z / 64) * ACROSS + (size_t)(x - w->x0)] >> z % 64 & 0xffff;
 }
 
@@ -173,9 +182,9 @@ static double find_normal(const building *b, const place *p, unsigned faces, dou
 
 /* Sixteen voxels of a column, from `first` on. */
 static void add_slice(const building *b, const tc_splat_pile *to, const place *first) {
-  const int x = first->at[0], z = first->at[2];
+  const int x = first->at[0], z = first->at[2], within = MIN(b->model->head.grid.dims[2] - z, TC_SPLAT_BRICK);
   const window here = window_of(b, first, 0), before = window_of(b, first, -1), behind = window_of(b, first, 1);
-  const uint32_t wide = wide_slice(&here, x, z), filled = wide >> 2 & 0xffff;
+  const uint32_t wide = wide_slice(&here, x, z), filled = wide >> 2 & ((1u << within) - 1);
   const uint32_t open[6] = {~(uint32_t)slice(&here, x - 1, z),
                             ~(uint32_t)slice(&here, x + 1, z),
                             ~(uint32_t)slice(&before, x, z),
@@ -217,7 +226,8 @@ static void build_layer(void *context, int layer, int worker) {
   block *from = &b->blocks[worker];
   for (int bx = first[0] / TC_SPLAT_BRICK; bx * TC_SPLAT_BRICK < first[0] + size[0]; bx++) {
     read_block(b, bx, layer, from);
-    for (int bz = from->from / TC_SPLAT_BRICK; bz * TC_SPLAT_BRICK < from->to; bz++) {
+    atomic_fetch_or(&b->sides, (from->from == 0) << 4 | (from->to > b->model->head.grid.dims[2]) << 5);
+    for (int bz = from->from / TC_SPLAT_BRICK; bz * TC_SPLAT_BRICK < MIN(from->to, b->model->head.grid.dims[2]); bz++) {
       if (tc_halt_within(b->halt)) {
         atomic_store(&b->left, true);
         return;
@@ -237,7 +247,7 @@ tc_splats *tc_splats_build(const tc_vmd *model, tc_splat_normals normals, bool e
                 .normals = normals,
                 .everything = everything,
                 .curve = tc_splat_curve_of(&model->head.grid),
-                .words = (dims[2] + 63) / 64,
+                .words = (dims[2] + REACH + 63) / 64,
                 .halt = tc_pool_halt(pool)};
   const tc_vmd_attribute *own = tc_vmd_attribute_named(&model->head, "normal");
   if (!normals.of && own && own->type == TC_VMD_NORMAL) b.normals = (tc_splat_normals){tc_vmd_own_normal, model};
@@ -251,6 +261,9 @@ tc_splats *tc_splats_build(const tc_vmd *model, tc_splat_normals normals, bool e
     tc_halt_say(tc_pool_halt(pool), error);
   else
     s = tc_splat_join(b.piles, layers, error);
+  for (int k = 0; k < 2 && s; k++) /* columns between the first and the last along an axis */
+    s->sides |= (uint8_t)((model->first[k] == 0) << 2 * k | (model->first[k] + model->size[k] == dims[k]) << (2 * k + 1));
+  if (s) s->sides |= (uint8_t)atomic_load(&b.sides);
   for (int i = 0; b.piles && i < layers; i++) tc_splat_pile_free(b.piles[i]);
   for (int i = 0; b.blocks && i < threads; i++) free(b.blocks[i].bits);
   free(b.piles);

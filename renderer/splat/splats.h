@@ -8,6 +8,9 @@
  * normal; 0: unknown. Thin voxels, which are free on opposite faces, store instead a tc_splat_thin in bits 6 and 7 and,
  * in bits 0 to 5, their thickness as 63rds of an ordinary kernel's.
  *
+ * An object goes on beyond the sides of its grid as it is at them, and the sides cut it as clip planes do, half a voxel
+ * beyond the voxels beside them: where it reaches a side no face is free, and tc_splats_cut() adds the flat end.
+ *
  * Interior voxels are no splats, since no eye sees them. A splat is invisible, too, to an eye on the filled side of all
  * its free faces, unless voxels are larger than pixels and its surface faces the eye: where a surface is seen at a flat
  * angle, most of its voxels have no free face that the eye sees. */
@@ -19,6 +22,7 @@
 
 #define TC_SPLAT_BRICK 16        /* voxels along an edge */
 #define TC_SPLAT_PAD 16          /* words that may be read after the last */
+#define TC_SPLAT_MOST_PLANES 18  /* that cut an object: TC_MAX_CLIP_PLANES, and the six sides of its grid */
 #define TC_SPLAT_LONG 1.3        /* half length of a line's kernel over a usual kernel's; voxels that an end goes on, at most */
 /* Splats of a model: with it sums over any pixel stay below 2^31, seen from however far. The bones
  * of 512x512x1000 voxels have two to three million (renderer/NUMERICS.md). */
@@ -50,6 +54,7 @@ typedef struct tc_splats {
                         in the position's place (bits 0 to 7; lines and single voxels: 0), else 0. NULL: no cut */
   uint32_t n, n_bricks;
   bool cut;          /* clipping left them */
+  uint8_t sides;     /* of the grid that the object reaches: bits as of free faces */
   size_t bytes;
   uint64_t serial; /* of no other */
 } tc_splats;
@@ -96,8 +101,8 @@ tc_splats *tc_splats_build(const tc_vmd *model, tc_splat_normals normals, bool e
 /* Outward normal (LPS, any length) of a voxel from the 5x5x5 voxels around it, of which `filled` are filled: sum is minus
  * the sum of their steps from it. Returns the distance of the surface, were it a plane, in voxels. */
 double tc_splats_filled_normal(const tc_volume_desc *grid, const int sum[3], int filled, double normal[3]);
-/* The voxels that planes (index coordinates, what is kept has planes[i] . (position, 1) >= 0) lay open. of: the splats of the
- * whole model. */
+/* The voxels that planes (index coordinates, what is kept has planes[i] . (position, 1) >= 0; TC_SPLAT_MOST_PLANES at most) lay
+ * open. of: the splats of the whole model. */
 tc_splats *tc_splats_cut(const tc_vmd *model, const tc_splats *of, const double planes[][4], int n_planes, const tc_halt *halt,
                          GError **error);
 void tc_splats_free(tc_splats *splats); /* NULL is fine */

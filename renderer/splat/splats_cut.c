@@ -6,14 +6,15 @@
 
 #include "renderer/base/vector.h"
 
+#define MOST_FACES 4 /* of a voxel: where more planes meet there is little of any */
+
 typedef struct cutting {
   const tc_vmd *model;
   const double (*planes)[4];
   int n_planes;
-  double reach[6 * 2]; /* of each plane: how far from it a kept voxel with a cut neighbour can be */
+  double reach[TC_SPLAT_MOST_PLANES]; /* of each plane: how far from it a kept voxel with a cut neighbour can be */
   tc_splat_pile out;
   GArray *rims; /* of the splats in `out` */
-  tc_splat_curve curve;
   const tc_splats *of;
   tc_splat_brick read; /* the last one of them, and where and how many were read */
   size_t next;
@@ -28,36 +29,54 @@ static double distance(const double plane[4], int x, int y, int z) {
   return plane[0] * x + plane[1] * y + plane[2] * z + plane[3];
 }
 
-/* The faces whose neighbours are cut off, and the plane that is nearest; none where the voxel itself is. */
-static unsigned cut_faces(const cutting *c, int x, int y, int z, const double **nearest) {
-  unsigned faces = 0;
-  double least = INFINITY;
+/* A plane that cuts off neighbours of a voxel, which is `at` mm from it: free faces. */
+typedef struct opening {
+  const double *plane;
+  double at;
+  unsigned faces;
+} opening;
+
+/* The nearest planes that lay a voxel open, at most MOST_FACES of them; returns how many, and all their faces. None where the voxel
+ * is cut off. */
+static int find_openings(const cutting *c, int x, int y, int z, opening found[MOST_FACES], unsigned *faces) {
+  int n = 0;
+  *faces = 0;
   for (int i = 0; i < c->n_planes; i++) {
-    const double d = distance(c->planes[i], x, y, z);
-    if (d < 0) return 0;
-    unsigned own = 0;
-    for (int f = 0; f < 6; f++) own |= (unsigned)(d + (f & 1 ? 1 : -1) * c->planes[i][f / 2] < 0) << f;
-    if (own && d < least) least = d, *nearest = c->planes[i];
-    faces |= own;
+    const double *plane = c->planes[i];
+    opening o = {plane, distance(plane, x, y, z), 0};
+    if (o.at < 0) return 0;
+    for (int f = 0; f < 6; f++) o.faces |= (unsigned)(o.at + (f & 1 ? 1 : -1) * plane[f / 2] < 0) << f;
+    if (!o.faces) continue;
+    *faces |= o.faces;
+    if (n == MOST_FACES && o.at >= found[n - 1].at) continue;
+    int k = n < MOST_FACES ? n++ : n - 1;
+    for (; k > 0 && o.at < found[k - 1].at; k--) found[k] = found[k - 1];
+    found[k] = o;
   }
-  return faces;
+  return n;
+}
+/* A face in a plane; of voxels that planes lay open on opposite sides one for all, in the voxel's middle. */
+static void add_face(const cutting *c, const int at[3], const opening *o, unsigned faces) {
+  const double *plane = o->plane;
+  double normal[3];
+  tc_splat_to_lps(&c->model->head.grid, (double[]){-plane[0], -plane[1], -plane[2]}, normal);
+  tc_splat_add(&c->out, at, faces, normal, tc_splat_is_thin(faces) ? 0 : tc_splat_pack_distance(o->at / length3(plane)));
 }
 
 /* Voxels z0 .. z1 - 1 of a column are looked at where some plane is near. */
 static void cut_run(cutting *c, int x, int y, int z0, int z1) {
   for (int z = z0; z < z1; z++) {
-    const double *plane = NULL;
-    const unsigned faces = cut_faces(c, x, y, z, &plane);
-    if (!faces) continue;
+    opening found[MOST_FACES];
+    unsigned faces;
+    const int n = find_openings(c, x, y, z, found, &faces);
+    if (!n) continue;
     const uint32_t place = (uint32_t)((x & 15) | (y & 15) << 4 | (z & 15) << 8), surface = c->surface[place];
     if (is_round(surface)) { /* seen from the cut, too */
       tc_splat_add_word(&c->out, (surface & ~0xfffu) | faces << 12 | place, (uint8_t)surface);
       continue;
     }
-    double normal[3];
-    tc_splat_to_lps(&c->model->head.grid, (double[]){-plane[0], -plane[1], -plane[2]}, normal);
-    tc_splat_add(&c->out, (int[]){x, y, z}, faces, normal,
-             tc_splat_is_thin(faces) ? 0 : tc_splat_pack_distance(distance(plane, x, y, z) / length3(plane)));
+    const bool thin = tc_splat_is_thin(faces);
+    for (int i = 0; i < (thin ? 1 : n); i++) add_face(c, (int[]){x, y, z}, &found[i], thin ? faces : found[i].faces);
   }
 }
 
@@ -128,7 +147,7 @@ static void cut_bricks(cutting *c, int bx, int by) {
     tc_splat_begin_brick(&c->out, at);
     for (int y = y0; y < MIN(y0 + TC_SPLAT_BRICK, dims[1]); y++)
       for (int x = x0; x < MIN(x0 + TC_SPLAT_BRICK, dims[0]); x++) cut_column(c, x, y, bz);
-    tc_splat_end_brick(&c->out, &c->curve);
+    tc_splat_end_brick(&c->out, NULL);
     for (guint i = c->rims->len; i < c->out.words->len; i++) {
       const uint32_t surface = c->surface[g_array_index(c->out.words, uint32_t, i) & 0xfff];
       const uint32_t rim = is_round(surface) ? surface & ~0xfffu : surface;
@@ -162,8 +181,7 @@ tc_splats *tc_splats_cut(const tc_vmd *model, const tc_splats *of, const double 
                          GError **error) {
   const int *first = model->first, *size = model->size;
   bool left = false;
-  cutting c = {.model = model, .of = of, .planes = planes, .n_planes = n_planes, .out = tc_splat_pile_new(),
-               .curve = tc_splat_curve_of(&model->head.grid)};
+  cutting c = {.model = model, .of = of, .planes = planes, .n_planes = n_planes, .out = tc_splat_pile_new()};
   c.rims = g_array_new(FALSE, FALSE, sizeof(uint32_t));
   for (int i = 0; i < n_planes; i++)
     c.reach[i] = fmax(fabs(planes[i][0]), fmax(fabs(planes[i][1]), fabs(planes[i][2])));

@@ -30,7 +30,7 @@ typedef struct drawing {
   const tc_splat_kernels *kernels;
   double to_view[3][4]; /* view space from index coordinates */
   double eye[3];        /* index coordinates */
-  double planes[TC_MAX_CLIP_PLANES][4];
+  double planes[TC_SPLAT_MOST_PLANES][4];
   tc_splat_entry *entries; /* nearest first */
   int n_entries, *layers;  /* translucent: entries by layers of bricks along an axis, and each layer's first */
   int *met, *tile_first;   /* opaque: [tiles + 1] each tile's first of met[], the entries whose boxes meet it */
@@ -42,11 +42,21 @@ typedef struct drawing {
 
 /* ---- the view ---- */
 
-int tc_splat_planes(const tc_volume *volume, const tc_scene *scene, double planes[TC_MAX_CLIP_PLANES][4]) {
+int tc_splat_planes(const tc_volume *volume, const tc_scene *scene, unsigned sides, double planes[TC_SPLAT_MOST_PLANES][4]) {
+  const tc_volume_desc *grid = tc_volume_describe(volume);
   tc_rays rays = {0};
+  int n;
   tc_rays_add_clipping(&rays, volume, scene);
-  memcpy(planes, rays.planes, sizeof rays.planes);
-  return rays.n_planes;
+  memcpy(planes, rays.planes, sizeof rays.planes), n = rays.n_planes;
+  for (int f = 0; f < 6; f++) {
+    const int k = f / 2;
+    double *const p = planes[n];
+    if (!(sides >> f & 1)) continue;
+    memset(p, 0, sizeof planes[n]);
+    p[k] = (f & 1 ? -1 : 1) * grid->spacing[k], p[3] = grid->spacing[k] * (f & 1 ? grid->dims[k] - 0.5 : 0.5);
+    n++;
+  }
+  return n;
 }
 
 /* Rows: to the right, down, forward; the same camera as raycast/rays.c has. */
@@ -549,14 +559,16 @@ static void set_up(drawing *d) {
   d->args.culling = d->job->scene->splat.culling;
   d->args.matter = d->job->matter;
   d->args.halt = d->job->halt;
-  d->args.n_planes = tc_splat_planes(d->job->volume, d->job->scene, d->planes);
-  d->args.planes = (const double(*)[4])d->planes;
   for (int k = 0; k < 3; k++) {
     const double c = d->job->scene->isosurface.color[k];
     d->args.color[k] = (float)(d->job->scene->image.linear_light ? tc_srgb_to_linear(c) : c);
   }
   set_view(d);
   set_kernel(d);
+  /* In small voxels a kernel goes less than a pixel beyond its grid. */
+  const unsigned sides = d->args.opaque && d->args.move > 0 ? d->job->splats->sides : 0;
+  d->args.n_planes = tc_splat_planes(d->job->volume, d->job->scene, sides, d->planes);
+  d->args.planes = (const double(*)[4])d->planes;
   if (d->args.opaque) d->args.beyond = (float)(sqrt((double)d->args.radius2) * tc_splat_longest(&d->args)) + d->args.move;
   if (!d->args.opaque) set_blur(d);
   set_light(d);

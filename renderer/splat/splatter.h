@@ -10,8 +10,8 @@
  * touch the surface from within, sheets, and lines whose voxels touch by corners alone. Lines are lit as cylinders and
  * single voxels as balls (round_tmpl.h). Then surfaces count that face the eye although their voxels' free faces do not.
  *
- * The clip box and planes cut surfaces pixel by pixel (cut_tmpl.h) and lay open what is inside (tc_splats_cut()); the face
- * ends where the surface does. A translucent object loses whole voxels.
+ * The clip box and planes, and the sides of the grid, cut surfaces pixel by pixel (cut_tmpl.h) and lay open what is inside
+ * (tc_splats_cut()); the face ends where the surface does. A translucent object loses whole voxels.
  *
  * Culling changes no bit of the picture. It leaves out interior voxels, bricks and splats whose free faces look away,
  * those outside the picture, and those behind the depths of a first pass. What these leave is kept as it was projected,
@@ -38,7 +38,7 @@ typedef struct tc_splat_counts {
 
 typedef struct tc_splat_job {
   const tc_volume *volume;       /* the object's place; its values are asked for by `matter` alone */
-  const tc_splats *splats, *cut; /* cut: what clipping lays open; NULL without clipping */
+  const tc_splats *splats, *cut; /* cut: what tc_splat_planes() lay open; NULL: nothing */
   const tc_scene *scene;
   tc_splat_matter matter; /* .of wanted where the object is translucent */
   const char *isa;        /* "scalar", or NULL: the best */
@@ -58,7 +58,7 @@ typedef struct tc_splat_frame {
   const tc_splats *of; /* entries that are not of these are of the cut */
   tc_splat_entry *entries;
   int n_entries;
-  double planes[TC_MAX_CLIP_PLANES][4];
+  double planes[TC_SPLAT_MOST_PLANES][4];
   double eye[3]; /* index coordinates; of a parallel projection far behind the middle of the picture */
 } tc_splat_frame;
 bool tc_splat_frame_begin(tc_splat_frame *frame, const tc_splat_job *job, GError **error); /* TC_ERROR_MEMORY */
@@ -72,7 +72,8 @@ static inline double tc_splat_longest(const tc_splat_args *args) {
 /* Translucent: the axis along which the view goes furthest. */
 int tc_splat_sheet_axis(const tc_splat_args *args);
 
-/* The clip box and planes of a scene in a volume's index coordinates; how many. */
-int tc_splat_planes(const tc_volume *volume, const tc_scene *scene, double planes[TC_MAX_CLIP_PLANES][4]);
+/* The clip box and planes of a scene, and those sides of its grid (tc_splats.sides), in a volume's index coordinates, values
+ * in mm; how many. */
+int tc_splat_planes(const tc_volume *volume, const tc_scene *scene, unsigned sides, double planes[TC_SPLAT_MOST_PLANES][4]);
 
 #endif

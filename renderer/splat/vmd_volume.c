@@ -121,12 +121,12 @@ static void stored_range(subject *s, double low, double high) {
 /* ---- records ---- */
 
 /* Distance of a voxel's value from the nearer end of the object's range, positive inside; an end that no voxel is beyond
- * does not count. Label maps: 1 inside, -1 outside. */
+ * does not count; with neither, from the least value. Label maps: 1 inside, -1 outside. */
 static double inside_at(const subject *s, size_t i) {
   const tc_volume_stats *stats = tc_volume_statistics(s->volume);
   double v = tc_voxel_at(s->d->type, s->data, i), above = v - s->low, below = s->high - v;
   if (s->labels) return above >= 0 && below >= 0 ? 1 : -1;
-  if (s->low <= stats->voxel_min && s->high >= stats->voxel_max) return v;
+  if (s->low <= stats->voxel_min && s->high >= stats->voxel_max) return v - stats->voxel_min;
   if (s->low <= stats->voxel_min) return below;
   return s->high >= stats->voxel_max ? above : fmin(above, below);
 }
@@ -155,13 +155,12 @@ static void slope_at_face(const subject *s, spot p, int axis, int step, double s
   }
 }
 
-/* The object ends half a voxel beyond the grid's last voxels; such faces weigh as much as all others together. */
+/* Where the grid alone ends the object, half a voxel beyond its last voxels. */
 static void add_ends(const subject *s, spot p, double sum[3], double crossing[6]) {
-  const double length = length3(sum);
   for (int f = 0; f < 6; f++) {
     const int step = f & 1 ? 1 : -1, beyond = p.at[f / 2] + step;
     if (beyond >= 0 && beyond < s->d->dims[f / 2]) continue;
-    sum[f / 2] += step * (length > 0 ? length : 1);
+    sum[f / 2] += step;
     crossing[f] = 0.5;
   }
 }
@@ -171,6 +170,7 @@ static void add_ends(const subject *s, spot p, double sum[3], double crossing[6]
  * nothing. */
 static void normal_of_faces(const subject *s, spot p, double sum[3], double crossing[6]) {
   const double here = inside_of(s, p, 0, 0);
+  bool any = false;
   for (int k = 0; k < 3; k++) sum[k] = 0;
   for (int f = 0; f < 6; f++) {
     const int axis = f / 2, step = f & 1 ? 1 : -1, beyond = p.at[axis] + step;
@@ -179,12 +179,13 @@ static void normal_of_faces(const subject *s, spot p, double sum[3], double cros
     if (beyond < 0 || beyond >= s->d->dims[axis]) continue;
     const double there = inside_of(s, p, axis, step);
     if (there >= 0) continue;
+    any = true;
     if (here >= 0) crossing[f] = here / (here - there);
     slope_at_face(s, p, axis, step, slope);
     const double side = dot3(sum, slope) < 0 ? -1 : 1;
     for (int k = 0; k < 3; k++) sum[k] += side * slope[k];
   }
-  add_ends(s, p, sum, crossing);
+  if (!any) add_ends(s, p, sum, crossing);
 }
 
 /* Along the normal, in voxels: the mean of what the crossings say, were the surface a plane. */

@@ -93,6 +93,66 @@ TEST(slanting_rods_have_no_holes) {
     }
 }
 
+/* A solid that its grid ends: of the field's, what is at most half a voxel beyond the outermost voxels. */
+static double within_sides(test_field field, const void *context, const double p[3]) {
+  double depth = field(p[0], p[1], p[2], context);
+  for (int k = 0; k < 3; k++) depth = fmin(depth, fmin(p[k] + 0.5, cube.dims[k] - 0.5 - p[k]));
+  return depth;
+}
+
+/* Of a pixel's ray, how deep it goes into the solid; negative: by how much it misses the solid. */
+static double deepest_of(const tc_rays *rays, test_field field, const void *context, int x, int y) {
+  double from[3], way[3], deepest = -INFINITY, length;
+  for (int r = 0; r < 3; r++) {
+    way[r] = 0;
+    for (int k = 0; k < 3; k++) way[r] += rays->to_index[3 * r + k] * (rays->view0[k] + (x + 0.5) * rays->view_du[k] + (y + 0.5) * rays->view_dv[k]);
+    from[r] = rays->anchor0[r] + (x + 0.5) * rays->anchor_du[r] + (y + 0.5) * rays->anchor_dv[r] - middle[r];
+  }
+  length = length3(way);
+  normalise3(way);
+  const double nearest = -dot3(from, way);
+  for (double t = nearest - 40; t < nearest + 40; t += 0.125)
+    deepest = fmax(deepest, within_sides(field, context, (double[]){from[0] + t * way[0] + middle[0], from[1] + t * way[1] + middle[1], from[2] + t * way[2] + middle[2]}));
+  return length > 0 ? deepest : NAN;
+}
+
+static double everywhere(double x, double y, double z, const void *context) { return 50; }
+
+/* An object that ends with its grid ends in a plane, wherever from that is seen: rods, a ball wider than its grid, and all of the grid. */
+TEST(ends_with_the_grid_are_flat) {
+  static const rod rods[] = {{2, {0.3, -0.15}, 8}, {1, {0, 0}, 10}, {0, {0.4, 0.2}, 5}};
+  static const double wide_ball[2] = {23, 0};
+  const struct {
+    test_field field;
+    const void *context;
+  } solids[] = {{rod_at, &rods[0]}, {rod_at, &rods[1]}, {rod_at, &rods[2]}, {blob, wide_ball}, {everywhere, NULL}};
+  for (int i = 0; i < (int)G_N_ELEMENTS(solids); i++) {
+    g_auto(object) o = object_of(&cube, solids[i].field, solids[i].context);
+    g_auto(drawing) d = {0};
+    double over = 0, under = 0;
+    for (int view = 0; view < 10; view++) {
+      g_auto(tc_scene) scene;
+      double side[3], from[3];
+      tc_rays rays;
+      direction(view + 4, side);
+      test_scene(&scene, WIDE, WIDE);
+      scene.splat.opaque = scene.splat.culling = true;
+      for (int k = 0; k < 3; k++) from[k] = middle[k] + 200 * side[k];
+      test_scene_look(&scene, view % 2 ? TC_PERSPECTIVE : TC_ORTHOGRAPHIC, from, middle, view % 2 ? 15 : 50);
+      draw_now(&o, &scene, (wish){0}, &d);
+      tc_rays_set_up(&rays, o.volume, &scene, WIDE, WIDE);
+      for (int y = 0; y < WIDE; y += 2)
+        for (int x = 0; x < WIDE; x += 2) {
+          const double deepest = deepest_of(&rays, solids[i].field, solids[i].context, x, y);
+          if (is_shown(&d, x, y)) over = fmax(over, -deepest);
+          else under = fmax(under, deepest);
+        }
+    }
+    print_message("solid %d: up to %.2f voxels beyond the outline, %.2f missing before it\n", i, over, under);
+    assert_true(over < 0.5 && under < 0.15);
+  }
+}
+
 /* A wall to the eye's right, whose surface faces the eye: it moves out by context[0] voxels a voxel along z. */
 static double wall_at(double x, double y, double z, const void *context) {
   return 27.4 + *(const double *)context * (z - middle[2]) - x;

@@ -22,7 +22,7 @@ enum { BLOCK_BUFFER, ENTRIES, DEPTHS, SUMS, TABLE, N_BUFFERS };
 /* The uniform block of splat_head.glsl, std140. */
 typedef struct splat_block {
   _Alignas(16) float axis[3][4];
-  float direction0[4], direction_du[4], direction_dv[4], right[4], down[4], planes[12][4], color[4], to_index[3][4];
+  float direction0[4], direction_du[4], direction_dv[4], right[4], down[4], planes[TC_SPLAT_MOST_PLANES][4], color[4], to_index[3][4];
   uint8_t weights[65 * 16];
   float size[2], scale, radius2, least2, near_mm, window_mm, core, core_root, full, open;
   int32_t perspective, culling, n_planes, stride, opaque;
@@ -33,7 +33,7 @@ typedef struct splat_block {
 typedef struct splat_entry { /* Entry of splat_pass.glsl */
   float at[4], eye[4];
   uint32_t words[4]; /* first, count, faces | mixed << 8 | clipped << 9 */
-  float starts[12]; /* of the planes, at its first voxel */
+  float starts[(TC_SPLAT_MOST_PLANES + 3) / 4 * 4]; /* of the planes, at its first voxel */
 } splat_entry;
 
 typedef struct drawing {

@@ -2,7 +2,7 @@
 layout(std140, binding = 1) uniform Splat {
   vec4 axis[3];       // tc_splat_args (tile.h), whose names these are
   vec4 direction0, direction_du, direction_dv, right, down;
-  vec4 planes[12];
+  vec4 planes[18];
   vec4 color;
   vec4 to_index[3];
   uvec4 weights[65];  // four a word

@@ -1,6 +1,6 @@
 // Splats of bricks into the tile, in tile_tmpl.h's steps: a work-group for each brick. PASS 1: depths of the cores; PASS 3:
 // weights and normals of what is not behind them. PASS 4, translucent: optical depths and colours of a sheet of voxels.
-struct Entry { vec4 at, eye; uvec4 words; vec4 starts[3]; }; // splat_entry of splat.c
+struct Entry { vec4 at, eye; uvec4 words; vec4 starts[5]; }; // splat_entry of splat.c
 layout(std430, binding = 3) readonly buffer Table { vec4 table[]; }; // tc_splat_look_table()
 layout(std430, binding = 4) readonly buffer Words { uint words[]; }; // of splats; their insets; of a cut the rims; and, where they have colours, of their looks
 layout(std430, binding = 5) readonly buffer Entries { Entry entries[]; };
@@ -112,7 +112,7 @@ void set_cut(Entry e, Shape own, vec3 d, vec3 jx, vec3 jy, uint rim, inout Footp
   f.origin = d + own.axis * own.surface - f.cut_x * (dot(jx, own.axis) * shift) - f.cut_y * (dot(jy, own.axis) * shift);
   f.planes = ALL;
   if (first_rim != 0u && !is_thin(f.word)) {
-    vec3 place = d + own.axis * own.surface;
+    vec3 place = d + own.axis * (own.surface / splat.move);
     float least = 1e30;
     for (int i = 0; i < splat.n_planes; i++)
       least = min(least, abs(away(e, i, place)) / length(splat.planes[i].xyz));
