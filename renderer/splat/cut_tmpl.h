@@ -3,7 +3,7 @@
 
 /* Where planes cut the splats of a batch: a pixel dx, dy from splat i's place is kept if at + x dx + y dy >= 0 for each. */
 typedef struct cuts {
-  int n;
+  int n, plane[TC_SPLAT_MOST_PLANES]; /* the first cuts' */
   float at[TC_SPLAT_MOST_PLANES + 2][V_LANES], x[TC_SPLAT_MOST_PLANES + 2][V_LANES], y[TC_SPLAT_MOST_PLANES + 2][V_LANES];
 } cuts;
 
@@ -41,23 +41,40 @@ V_INLINE void spare_faces(const tc_splat_args *g, const tc_splat_entry *e, vi wo
   const vf zero = v_set(0);
   const vm round = is_thin(word);
   vf away[TC_SPLAT_MOST_PLANES], least = v_set(1e30f); /* voxels */
-  for (int i = 0; i < g->n_planes; i++) {
-    away[i] = v_abs(along_plane(g->planes[i], d) + v_set(plane_start(g, e, i))) * v_set((float)(1 / length3(g->planes[i])));
+  for (int i = 0; i < to->n; i++) {
+    const double *p = g->planes[to->plane[i]];
+    away[i] = v_abs(along_plane(p, d) + v_set(plane_start(g, e, to->plane[i]))) * v_set((float)(1 / length3(p)));
     least = v_min(least, away[i]);
   }
-  for (int i = 0; i < g->n_planes; i++) {
+  for (int i = 0; i < to->n; i++) {
     const vm cuts_it = m_or(round, v_lt(least + v_set(TC_SPLAT_ON_FACE), away[i]));
     v_store(to->at[i], v_select(cuts_it, v_load(to->at[i]), zero));
     v_store(to->x[i], v_select(cuts_it, v_load(to->x[i]), zero)), v_store(to->y[i], v_select(cuts_it, v_load(to->y[i]), zero));
   }
 }
 
+/* Whether plane i is so near to splats of the whole object, at d, that it can cut them. A tangent plane seen at a flat angle would
+ * meet planes that its splat is far from. */
+V_INLINE vm is_near(const tc_splat_args *g, const tc_splat_entry *e, int i, const vf d[3]) {
+  const vf away = along_plane(g->planes[i], d) + v_set(plane_start(g, e, i));
+  return v_lt(away, v_set(g->beyond * (float)length3(g->planes[i])));
+}
+
+V_INLINE bool may_cut(const tc_splat_args *g, const tc_splat_entry *e, const vf d[3]) {
+  vm any = v_lt(d[0], d[0]);
+  for (uint32_t left = e->planes; left; left &= left - 1) any = m_or(any, is_near(g, e, __builtin_ctz(left), d));
+  return m_any(any);
+}
+
 /* A splat of a surface is cut as its tangent plane is; one that is seen edge-on, or lies on no surface, as a plane across the view.
- * The splats are projected again, which only bricks near a plane pay for. */
-V_INLINE void find_cuts(const tc_splat_args *g, const tc_splat_entry *e, const tc_splat_tile *t, uint32_t first, cuts *to) {
+ * The splats are projected again, which only those near a plane pay for. False: none is cut. */
+V_INLINE bool find_cuts(const tc_splat_args *g, const tc_splat_entry *e, const tc_splat_tile *t, uint32_t first, cuts *to) {
   const vi word = v_bits(v_load((const float *)(const void *)(e->of->words + first)));
   const vf zero = v_set(0);
-  vf d[3] = {v_float(nibble(word, 0)), v_float(nibble(word, 4)), v_float(nibble(word, 8))}, shift = zero, face[3] = {d[0], d[1], d[2]};
+  vf d[3] = {v_float(nibble(word, 0)), v_float(nibble(word, 4)), v_float(nibble(word, 8))};
+  if (!e->of->cut && !may_cut(g, e, d)) return false;
+  vf shift = zero, face[3] = {d[0], d[1], d[2]};
+  const vf voxel[3] = {d[0], d[1], d[2]};
   vf at[3] = {along(g, 0, d, e->at[0]), along(g, 1, d, e->at[1]), along(g, 2, d, e->at[2])};
   vf jx[3], jy[3], normal[3], area[3], across_x[3], across_y[3], facing = zero, square = zero;
   shape own = {.axis = {zero, zero, zero}, .flat = v_lt(zero, zero)};
@@ -86,15 +103,19 @@ V_INLINE void find_cuts(const tc_splat_args *g, const tc_splat_entry *e, const t
   vf dx = zero, dy = zero; /* from the splat's place to where the surface's point is seen */
   for (int k = 0; k < 3; k++)
     dx = v_fma(jx[k], own.axis[k] * shift, dx), dy = v_fma(jy[k], own.axis[k] * shift, dy);
-  to->n = g->n_planes;
-  for (int i = 0; i < g->n_planes; i++) {
+  to->n = 0;
+  for (uint32_t left = e->planes; left; left &= left - 1) {
+    const int i = __builtin_ctz(left), n = to->n;
     const vf x = along_plane(g->planes[i], across_x), y = along_plane(g->planes[i], across_y);
     const vf away = along_plane(g->planes[i], d) + v_set(plane_start(g, e, i));
-    v_store(to->at[i], v_fnma(x, dx, v_fnma(y, dy, away))), v_store(to->x[i], x), v_store(to->y[i], y);
+    const vm near = is_near(g, e, i, voxel);
+    add_cut(e->of->cut ? v_le(zero, zero) : near, v_fnma(x, dx, v_fnma(y, dy, away)), x, y, to);
+    to->plane[n] = i;
   }
-  if (!e->of->cut) return;
+  if (!e->of->cut) return true;
   spare_faces(g, e, word, face, to);
   cut_by_rim(g, e->of, first, &own, across_x, across_y, dx, dy, to);
+  return true;
 }
 
 /* Pixels of `in` that no plane cuts off splat i. cut: NULL if no plane meets its brick. */

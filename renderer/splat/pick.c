@@ -95,7 +95,7 @@ static double filled_normal(const pick *p, const int voxel[3], double normal[3])
 static double normal_of(const pick *p, const int voxel[3], double normal[3]) {
   double own[3] = {0}, inset = -1;
   if (p->subject) inset = tc_vmd_normal_at(p->subject, voxel[0], voxel[1], voxel[2], own);
-  if (inset < 0) inset = filled_normal(p, voxel, normal);
+  if (inset < 0) inset = fmax(filled_normal(p, voxel, normal), 0);
   if (!p->subject && !p->labels) tc_vmd_own_normal(tc_volume_model(p->volume), voxel[0], voxel[1], voxel[2], own);
   if (dot3(own, own) > 0) memcpy(normal, own, sizeof own);
   return dot3(normal, normal) > 0 ? inset : -1;
@@ -119,9 +119,9 @@ static bool shape_of(const pick *p, const int voxel[3], double axis[3], double *
 }
 
 /* core_of() of tile_tmpl.h; `to` is the way from the eye. */
-static double core_of(const pick *p, const double to[3], const double axis[3], double flat) {
+static double core_of(const double to[3], const double axis[3], double flat) {
   const double cosine = fabs(dot3(to, axis)) / sqrt(dot3(to, to)), aslant = (double)TC_SPLAT_ASLANT;
-  const double most = fmax(fmin(flat / (double)p->frame.args.core_root, 1), flat);
+  const double most = fmax(fmin(flat / (double)TC_SPLAT_FLAT, 1), flat);
   return flat + (most - flat) * fmin(fmax((cosine - aslant) / aslant, 0), 1);
 }
 
@@ -230,7 +230,7 @@ static bool meets(const pick *p, const int voxel[3], double *t, double *value) {
   for (int k = 0; k < 3; k++) from[k] = voxel[k] - p->at[k], to_eye[k] = p->frame.eye[k] - voxel[k];
   const bool shaped = shape_of(p, voxel, axis, &flat, move);
   if (g->opaque && !is_seen(p, voxel, to_eye, !shaped || dot3(axis, to_eye) > 0)) return false;
-  if (shaped) flat = core_of(p, g->perspective ? from : p->along, axis, flat);
+  if (shaped) flat = core_of(g->perspective ? from : p->along, axis, flat);
   if (!is_left(p, voxel, from, shaped, axis, move[1])) return false;
   for (int k = 0; k < 3; k++) {
     to[k] = from[k] + move[0] * axis[k];

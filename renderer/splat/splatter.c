@@ -16,10 +16,11 @@
 #define KERNEL_FALL 3.0    /* exponent at the kernel's rim */
 #define FEW_AREA 1e-3      /* pixels a voxel: below, weights shrink with it, so that sums do not overflow */
 /* Voxels that are larger than pixels show their normals' steps, and that their places are steps: from SMALL to LARGE
- * pixels the kernel's radius grows to SMOOTH voxels, or to MOST_PIXELS, and kernels take shapes of their own
- * (tile_tmpl.h). What is covered does not grow: where no core is, footprints are as before. */
+ * pixels the kernel's radius grows to SMOOTH voxels, or to MOST_PIXELS, and from SMALL to SHAPED pixels kernels take
+ * shapes and places of their own (tile_tmpl.h). What is covered does not grow: where no core is, footprints are as before. */
 #define SMALL 2
 #define LARGE 6
+#define SHAPED 4
 #define SMOOTH 2
 #define MOST_PIXELS 100
 #define WINDOW 2.25 /* kernel radii: in less, slanted surfaces show the steps of their nearest cores */
@@ -174,7 +175,7 @@ static void set_kernel(drawing *d) {
   g->core = (float)(core * core);
   g->least2 = (float)(LEAST_RADIUS2 / (core * core));
   g->open = (float)(wide * wide / (radius * radius));
-  g->move = (float)share;
+  g->move = (float)fmin(fmax((mean - SMALL) / (SHAPED - SMALL), 0), 1);
   g->touch = (float)(covered * radius);
   for (int i = 0; i < TC_WEIGHT_STEPS; i++)
     g->weights[i] = (uint8_t)fmax(1, lround(most * footprint(scene->filter, (i + 0.5) / TC_WEIGHT_STEPS)));
@@ -218,7 +219,6 @@ static bool has_rims(const tc_splats *of, const tc_splat_brick *b) {
 
 /* False: clipped away as a whole. */
 static bool set_clipped(const drawing *d, tc_splat_entry *e) {
-  int near = 0;
   bool away = false;
   for (int i = 0; i < d->args.n_planes; i++) {
     const double *p = d->planes[i];
@@ -228,11 +228,11 @@ static bool set_clipped(const drawing *d, tc_splat_entry *e) {
       half += fabs(p[k]) * 7.5;
     }
     const double beyond = (double)d->args.beyond * length3(p);
-    near += middle - half < beyond + 1e-3;
+    e->planes |= (uint32_t)(middle - half < beyond + 1e-3) << i;
     away |= middle + half < -beyond;
   }
   /* of a cut one plane is the face's */
-  e->clipped = e->of->cut ? d->args.move > 0 && (near > 1 || has_rims(e->of, &e->brick)) : near > 0;
+  e->clipped = e->of->cut ? d->args.move > 0 && (e->planes & (e->planes - 1) || has_rims(e->of, &e->brick)) : e->planes != 0;
   return e->of->cut || !away;
 }
 

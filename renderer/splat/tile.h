@@ -17,7 +17,7 @@
 #define TC_WEIGHT_STEPS 1024
 #define TC_TILE_KEPT (1 << 20) /* bytes for splats that the first pass keeps for the second */
 #define TC_SPLAT_TILT 0.5 /* sine of the angle between a surface and the free faces of its voxels, at most */
-#define TC_SPLAT_ASLANT 0.3f /* from this cosine between normal and eye on a core is thicker than flat; from twice this on as thick as its kernel */
+#define TC_SPLAT_ASLANT 0.3f /* from this cosine between normal and eye on a core is thicker than flat; from twice this on 1 / TC_SPLAT_FLAT times as thick, at most a ball */
 #define TC_SPLAT_ON_FACE 1e-3f /* voxels: planes that are no further from a splat of a cut than the nearest and this are its face's */
 #define TC_SPLAT_FLAT 0.4f /* thickness of a surface's kernel over its width, where voxels are large */
 
@@ -71,6 +71,7 @@ typedef struct tc_splat_entry {
   uint8_t seen, mixed; /* faces that all of its voxels show to the eye; or each its own */
   uint8_t aslant;      /* tc_splat_aslant(): a splat with one of these faces counts if its surface faces the eye; 0: none does */
   uint8_t clipped;     /* a plane may cut its splats, or of a cut the object's surface may */
+  uint32_t planes;       /* planes that may cut its splats or lie beside them, bits; all others keep them whole */
 } tc_splat_entry;
 
 typedef struct tc_splat_tile {

@@ -65,7 +65,8 @@ V_INLINE float plane_start(const tc_splat_args *g, const tc_splat_entry *e, int 
 
 /* beyond: voxels that a place may lie beyond a plane. */
 V_INLINE vm kept_by_planes(const tc_splat_args *g, const tc_splat_entry *e, const vf d[3], vf beyond, vm alive) {
-  for (int i = 0; i < g->n_planes; i++) {
+  for (uint32_t left = e->planes; left; left &= left - 1) {
+    const int i = __builtin_ctz(left);
     const vf away = along_plane(g->planes[i], d) + v_set(plane_start(g, e, i));
     alive = m_and(alive, v_le(v_set(0) - beyond * v_set((float)length3(g->planes[i])), away));
   }
@@ -104,16 +105,15 @@ typedef struct shape {
   vm front;           /* and that surface's outside is seen */
 } shape;
 
-/* Flat cores leave gaps between them where a surface bends within a voxel. A core that faces the eye is therefore as thick
- * as its kernel (never thicker, so that the kernel's box holds the core); a core seen edge-on stays flat, so that outlines
- * end where the surface does. */
-V_INLINE vf core_of(const tc_splat_args *g, const vf eye[3], const shape *s, vm flat) {
+/* Flat cores leave gaps between them where a surface bends within a voxel. A core that faces the eye is therefore thick, and
+ * its kernel holds it; a core seen edge-on stays flat, so that outlines end where the surface does. */
+V_INLINE vf core_of(const vf eye[3], const shape *s, vm flat) {
   const vf zero = v_set(0), one = v_set(1);
   vf facing = zero, square = zero;
   for (int k = 0; k < 3; k++) facing = v_fma(eye[k], s->axis[k], facing), square = v_fma(eye[k], eye[k], square);
   const vf cosine = v_abs(facing) / v_sqrt(square);
   const vf thick = v_min(v_max((cosine - v_set(TC_SPLAT_ASLANT)) * v_set(1 / TC_SPLAT_ASLANT), zero), one);
-  const vf most = v_max(v_min(s->along * v_set(1 / g->core_root), one), s->along);
+  const vf most = v_max(v_min(s->along * v_set(1 / TC_SPLAT_FLAT), one), s->along);
   return v_select(flat, v_fma(most - s->along, thick, s->along), s->along);
 }
 
@@ -157,7 +157,8 @@ V_INLINE shape shape_of(const tc_splat_args *g, const uint8_t *insets, vi word, 
   }
   s.middle = middle, s.surface = surface, s.flat = m_or(m_andnot(known, thin), m_and(thin, sheet));
   s.front = m_and(s.flat, v_lt(zero, v_fma(eye[2], s.axis[2], v_fma(eye[1], s.axis[1], eye[0] * s.axis[0]))));
-  s.core = core_of(g, eye, &s, s.flat);
+  s.core = core_of(eye, &s, s.flat);
+  s.along = v_max(s.along, s.core * v_set(g->core_root));
   return s;
 }
 
@@ -375,8 +376,8 @@ V_INLINE void put_cores(const tc_splat_args *g, const batch *b, const ellipses *
 /* Apart: what most bricks need stays small. */
 V_ONCE void put_cut_cores(const tc_splat_args *g, const batch *b, const ellipses *cores, unsigned front, tc_splat_tile *t) {
   cuts cut;
-  find_cuts(g, b->entry, t, b->first, &cut);
-  put_cores(g, b, cores, &cut, front, t);
+  const bool any = find_cuts(g, b->entry, t, b->first, &cut);
+  put_cores(g, b, cores, any ? &cut : NULL, front, t);
 }
 
 static void put_depths(const tc_splat_args *g, const tc_splat_entry *e, tc_splat_tile *t) {
@@ -520,8 +521,8 @@ V_INLINE void add_footprint(const tc_splat_args *g, const batch *b, int i, const
 
 V_ONCE void color_cut(const tc_splat_args *g, const batch *b, unsigned left, const facing *f, tc_splat_tile *t) {
   cuts cut;
-  find_cuts(g, b->entry, t, b->first, &cut);
-  for (; left; left &= left - 1) add_footprint(g, b, __builtin_ctz(left), f, &cut, t);
+  const bool any = find_cuts(g, b->entry, t, b->first, &cut);
+  for (; left; left &= left - 1) add_footprint(g, b, __builtin_ctz(left), f, any ? &cut : NULL, t);
 }
 
 /* Lanes `left`. */

@@ -167,7 +167,7 @@ static bool within_a_surface(const tc_frame *truth, int x, int y, int reach, flo
   return *far < near + 5;
 }
 
-/* What lies behind a wall does not show through it, whatever a voxel's size in the picture. */
+/* What lies behind a wall does not show through it, whatever a voxel's size in the picture: but for four pixels in a million. */
 TEST(walls_have_no_holes) {
   static const double turns[] = {0, 0.3, 0.7};
   static const struct {
@@ -185,14 +185,14 @@ TEST(walls_have_no_holes) {
   for (size_t w = 0; w < G_N_ELEMENTS(walls); w++) {
     g_auto(object) o = object_of(walls[w].grid, walls[w].field, walls[w].context);
     const int before = holes;
-    for (int i = 0; i < 48; i++) {
+    for (int i = 0; i < 24 * 6; i++) {
       g_auto(tc_scene) scene;
-      look(&scene, &o, i % 24, zooms[(i / 4 + i / 24) % 6]);
+      look(&scene, &o, i % 24, zooms[i / 24]);
       draw_now(&o, &scene, (wish){0}, &d);
       scene.mode = TC_MODE_ISOSURFACE;
       scene.isosurface.value = 0;
       assert_true(tc_render(renderer, o.volume, &scene, &request, &truth, NULL));
-      const int reach = (int)ceil(2 + 1.2 * zooms[(i / 4 + i / 24) % 6]);
+      const int reach = (int)ceil(2 + 1.2 * zooms[i / 24]);
       int here = 0;
       float far;
       for (int y = 0; y < SIDE; y++)
@@ -200,13 +200,13 @@ TEST(walls_have_no_holes) {
           /* The ball's depth is known at each pixel; of the others the farthest depth nearby counts. */
           if (w == 0 ? inside_outline(&scene, &o, x, y) && (far = truth.depth[y * SIDE + x], true) : within_a_surface(&truth, x, y, reach, &far))
             n++, here += d.frame.depth[y * SIDE + x] > far + 2;
-      if (here) print_message("wall %zu view %d zoom %g: %d holes\n", w, i, zooms[(i / 4 + i / 24) % 6], here);
+      if (here) print_message("wall %zu view %d zoom %g: %d holes\n", w, i, zooms[i / 24], here);
       holes += here;
     }
     print_message("wall %zu: %d holes\n", w, holes - before);
   }
   print_message("%d holes in %d pixels of walls\n", holes, n);
-  assert_true(n > 100000 && holes == 0);
+  assert_true(n > 2000000 && holes < n / 250000);
 }
 
 /* Voxels of many pixels show no steps: the light is near the isosurface's. */
@@ -413,7 +413,7 @@ static void expect_picks(const object *o, const tc_volume *volume, const tc_volu
         if (there && isfinite(drawn)) apart += fabs(hit.distance_mm - drawn);
       }
     print_message("view %d: %d picks %.3f mm from what is drawn; %d of one only\n", i, both, apart / both, one);
-    assert_true(both > 10 && apart < (cut ? 0.7 : i < 10 ? 0.1 : 1e-3) * both && one <= 2);
+    assert_true(both > 10 && apart < (cut ? 0.7 : i < 10 ? 0.03 : 1e-3) * both && one <= cut);
   }
 }
 

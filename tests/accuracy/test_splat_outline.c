@@ -20,13 +20,13 @@ static void look_along(tc_scene *scene, int way, tc_projection projection, doubl
 
 static bool is_shown(const drawing *d, int x, int y) { return d->frame.linear[4 * (y * WIDE + x) + 3] > 0.5f; }
 
-/* Pixels a voxel are WIDE / mm; in perspective the ball's outline is somewhat wider than the ball. */
+/* Pixels a voxel are WIDE / mm, nine and four; in perspective the ball's outline is somewhat wider than the ball. */
 TEST(a_ball_is_round) {
   g_auto(object) o = object_of(&cube, blob, ball);
   g_auto(drawing) d = {0};
-  for (int i = 0; i < 12; i++) {
-    const tc_projection projection = i < 6 ? TC_ORTHOGRAPHIC : TC_PERSPECTIVE;
-    const double mm = 36, radius = projection == TC_PERSPECTIVE ? 15 / sqrt(1 - 15.0 * 15 / (300 * 300)) : 15;
+  for (int i = 0; i < 24; i++) {
+    const tc_projection projection = i % 12 < 6 ? TC_ORTHOGRAPHIC : TC_PERSPECTIVE;
+    const double mm = i < 12 ? 36 : 78, radius = projection == TC_PERSPECTIVE ? 15 / sqrt(1 - 15.0 * 15 / (300 * 300)) : 15;
     g_auto(tc_scene) scene;
     double over = 0, under = 0;
     look_along(&scene, i % 6, projection, mm);

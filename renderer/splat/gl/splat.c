@@ -32,7 +32,7 @@ typedef struct splat_block {
 
 typedef struct splat_entry { /* Entry of splat_pass.glsl */
   float at[4], eye[4];
-  uint32_t words[4]; /* first, count, faces | mixed << 8 | clipped << 9 */
+  uint32_t words[4]; /* first, count, faces | mixed << 8 | clipped << 9 | aslant << 16, planes that are near */
   float starts[(TC_SPLAT_MOST_PLANES + 3) / 4 * 4]; /* of the planes, at its first voxel */
 } splat_entry;
 
@@ -172,6 +172,7 @@ static void put_entry(drawing *d, const tc_splat_entry *e) {
     to->starts[i] = (float)(p[3] + TC_SPLAT_BRICK * (p[0] * at[0] + p[1] * at[1] + p[2] * at[2]));
   }
   to->words[2] = e->seen | (uint32_t)e->mixed << 8 | (uint32_t)e->clipped << 9 | (uint32_t)e->aslant << 16;
+  to->words[3] = e->planes;
   d->n[e->of != d->of.of]++;
 }
 

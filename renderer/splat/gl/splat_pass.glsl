@@ -34,9 +34,11 @@ float away(Entry e, int i, vec3 d) {
 
 // planes: those that count, bits. beyond: voxels that a point may lie beyond one.
 bool kept(Entry e, uint planes, vec3 d, float beyond) {
-  for (int i = 0; i < splat.n_planes; i++)
-    if ((planes >> i & 1u) != 0u && away(e, i, d) < -beyond * length(splat.planes[i].xyz))
+  for (; planes != 0u; planes &= planes - 1u) {
+    int i = findLSB(planes);
+    if (away(e, i, d) < -beyond * length(splat.planes[i].xyz))
       return false;
+  }
   return true;
 }
 
@@ -54,7 +56,6 @@ vec3 unfolded(uint word) {
 }
 
 const float ON_FACE = 1e-3; // TC_SPLAT_ON_FACE
-const uint ALL = ~0u;
 const float FLAT = 0.4, LONG = 1.3, ASLANT = 0.3; // TC_SPLAT_FLAT, TC_SPLAT_LONG, TC_SPLAT_ASLANT
 const uint SHEET = 0u, END = 2u, DOT = 3u; // tc_splat_thin
 
@@ -65,7 +66,7 @@ struct Shape { vec3 axis; float along, across, middle, surface; bool on_surface,
 
 float core_of(Shape s, vec3 eye) {
   float thick = clamp((abs(dot(eye, s.axis)) / length(eye) - ASLANT) / ASLANT, 0.0, 1.0);
-  return mix(s.along, max(min(s.along / splat.core_root, 1.0), s.along), thick);
+  return mix(s.along, max(min(s.along / FLAT, 1.0), s.along), thick);
 }
 
 vec3 axis_of(uint word) {
@@ -92,14 +93,19 @@ Shape shape_of(uint word, uint stored, vec3 eye, inout vec3 at) {
   at += way * vec3(s.middle, s.middle, s.surface);
   s.front = s.on_surface && dot(eye, s.axis) > 0.0;
   s.along = fma(along - 1.0, splat.move, 1.0), s.across = fma(across - 1.0, splat.move, 1.0);
-#if PASS == 1
   if (!is_thin(word) || what == SHEET)
+#if PASS == 1
     s.along = core_of(s, eye);
+#else
+    s.along = max(s.along, core_of(s, eye) * splat.core_root);
 #endif
   return s;
 }
 
 vec3 stretched(Shape s, vec3 row) { return fma(vec3((s.along - s.across) * dot(row, s.axis)), s.axis, row * s.across); }
+
+// Voxels that a kernel reaches from its own.
+float beyond() { return fma(sqrt(splat.radius2), fma(LONG - 1.0, splat.move, 1.0), splat.move); }
 
 // find_cuts() of cut_tmpl.h. rim: of a cut.
 void set_cut(Entry e, Shape own, vec3 d, vec3 jx, vec3 jy, uint rim, inout Footprint f) {
@@ -110,15 +116,24 @@ void set_cut(Entry e, Shape own, vec3 d, vec3 jx, vec3 jy, uint rim, inout Footp
   float inverse = 1.0 / dot(normal, area), shift = own.surface - own.middle;
   f.cut_x = cross(jy, normal) * inverse, f.cut_y = cross(normal, jx) * inverse;
   f.origin = d + own.axis * own.surface - f.cut_x * (dot(jx, own.axis) * shift) - f.cut_y * (dot(jy, own.axis) * shift);
-  f.planes = ALL;
+  f.planes = e.words.w;
+  for (uint left = first_rim == 0u ? e.words.w : 0u; left != 0u; left &= left - 1u) {
+    int i = findLSB(left);
+    if (!(away(e, i, d) < beyond() * length(splat.planes[i].xyz)))
+      f.planes &= ~(1u << i);
+  }
   if (first_rim != 0u && !is_thin(f.word)) {
     vec3 place = d + own.axis * (own.surface / splat.move);
     float least = 1e30;
-    for (int i = 0; i < splat.n_planes; i++)
+    for (uint left = e.words.w; left != 0u; left &= left - 1u) {
+      int i = findLSB(left);
       least = min(least, abs(away(e, i, place)) / length(splat.planes[i].xyz));
-    f.planes = 0u;
-    for (int i = 0; i < splat.n_planes; i++)
-      f.planes |= uint(abs(away(e, i, place)) > (least + ON_FACE) * length(splat.planes[i].xyz)) << i;
+    }
+    for (uint left = e.words.w; left != 0u; left &= left - 1u) {
+      int i = findLSB(left);
+      if (abs(away(e, i, place)) <= (least + ON_FACE) * length(splat.planes[i].xyz))
+        f.planes &= ~(1u << i);
+    }
   }
   f.rim = vec4(0.0, 0.0, 0.0, 1.0), f.back = -1.0;
   if ((rim & 255u) == 0u)
@@ -142,7 +157,7 @@ bool project(Entry e, uint word, uint stored, uint rim, out Footprint f) {
   float x = at.x, y = at.y, u = 0.0, v = 0.0, scale = splat.scale;
   f.word = word, f.inset = stored, f.cut = (e.words.z & 512u) != 0u;
   f.z = at.z;
-  if ((PASS != 4 && faces == 0u) || !(splat.near_mm < f.z) || (f.cut && first_rim == 0u && !kept(e, ALL, d, own.front ? fma(sqrt(splat.radius2), fma(LONG - 1.0, splat.move, 1.0), splat.move) : 0.0)))
+  if ((PASS != 4 && faces == 0u) || !(splat.near_mm < f.z) || (f.cut && first_rim == 0u && !kept(e, e.words.w, d, own.front ? beyond() : 0.0)))
     return false;
   if (splat.perspective != 0) {
     float inverse = 1.0 / f.z;
