@@ -15,12 +15,14 @@
 #define LEAST_RADIUS2 0.51 /* a circle of this radius (squared, pixels) holds a pixel's centre wherever it is */
 #define KERNEL_FALL 3.0    /* exponent at the kernel's rim */
 #define FEW_AREA 1e-3      /* pixels a voxel: below, weights shrink with it, so that sums do not overflow */
-/* Voxels that are larger than pixels show their normals' steps, and that their places are steps: from SMALL to LARGE
- * pixels the kernel's radius grows to SMOOTH voxels, or to MOST_PIXELS, and from SMALL to SHAPED pixels kernels take
- * shapes and places of their own (tile_tmpl.h). What is covered does not grow: where no core is, footprints are as before. */
+/* Kernels are balls, and their depths those of their voxels, in voxels of up to ROUND pixels; from there to SHAPED pixels they take
+ * shapes and places of their own (tile_tmpl.h). Voxels that are larger than pixels show their normals' steps, too: from SMALL to
+ * LARGE pixels the kernel's radius grows to SMOOTH voxels, or to MOST_PIXELS. What is covered does not grow: where no core is,
+ * footprints are as before. */
+#define ROUND 1
+#define SHAPED 1.5
 #define SMALL 2
 #define LARGE 6
-#define SHAPED 4
 #define SMOOTH 2
 #define MOST_PIXELS 100
 #define WINDOW 2.25 /* kernel radii: in less, slanted surfaces show the steps of their nearest cores */
@@ -175,7 +177,7 @@ static void set_kernel(drawing *d) {
   g->core = (float)(core * core);
   g->least2 = (float)(LEAST_RADIUS2 / (core * core));
   g->open = (float)(wide * wide / (radius * radius));
-  g->move = (float)fmin(fmax((mean - SMALL) / (SHAPED - SMALL), 0), 1);
+  g->move = (float)fmin(fmax((mean - ROUND) / (SHAPED - ROUND), 0), 1);
   g->touch = (float)(covered * radius);
   for (int i = 0; i < TC_WEIGHT_STEPS; i++)
     g->weights[i] = (uint8_t)fmax(1, lround(most * footprint(scene->filter, (i + 0.5) / TC_WEIGHT_STEPS)));

@@ -105,6 +105,10 @@ typedef struct shape {
   vm front;           /* and that surface's outside is seen */
 } shape;
 
+V_INLINE bool has_shapes(const tc_splat_args *g) { return g->opaque && g->move > 0; }
+/* Whether cores differ from their kernels in shape: where these are wider than the scene says. */
+V_INLINE bool has_cores(const tc_splat_args *g) { return has_shapes(g) && g->open > 1; }
+
 /* Flat cores leave gaps between them where a surface bends within a voxel. A core that faces the eye is therefore thick, and
  * its kernel holds it; a core seen edge-on stays flat, so that outlines end where the surface does. */
 V_INLINE vf core_of(const vf eye[3], const shape *s, vm flat) {
@@ -127,13 +131,23 @@ V_INLINE void axis_of(const tc_splat_args *g, vi word, vf axis[3]) {
   for (int k = 0; k < 3; k++) axis[k] = axis[k] * scale;
 }
 
+/* Which way splats look: sets axis, flat and front. */
+V_INLINE shape side_of(const tc_splat_args *g, const uint8_t *insets, vi word, const vf eye[3]) {
+  const vf zero = v_set(0), inset = v_float(v_load_bytes(insets));
+  const vm thin = is_thin(word);
+  shape s;
+  axis_of(g, word, s.axis);
+  s.flat = m_or(m_andnot(v_lt(zero, inset), thin), m_and(thin, v_lt(inset, v_set(64))));
+  s.front = m_and(s.flat, v_lt(zero, v_fma(eye[2], s.axis[2], v_fma(eye[1], s.axis[1], eye[0] * s.axis[0]))));
+  return s;
+}
+
 /* A kernel beside a surface is flat and touches the surface from within: outlines end there, and its depth is the
  * surface's. One of a thin voxel stays: a sheet's is as thick as the sheet, a line's follows the line, so that voxels
  * that touch by a corner are drawn as one. */
 V_INLINE shape shape_of(const tc_splat_args *g, const uint8_t *insets, vi word, const vf eye[3], vf at[3]) {
   const vf zero = v_set(0), one = v_set(1);
-  shape s;
-  axis_of(g, word, s.axis);
+  shape s = side_of(g, insets, word, eye);
   const vf inset = v_float(v_load_bytes(insets));
   const vi stored = v_trunc(inset);
   const vm known = v_lt(zero, inset), thin = is_thin(word);
@@ -155,10 +169,9 @@ V_INLINE shape shape_of(const tc_splat_args *g, const uint8_t *insets, vi word, 
     const vf way = v_fma(s.axis[2], v_set(m[2]), v_fma(s.axis[1], v_set(m[1]), s.axis[0] * v_set(m[0])));
     at[r] = v_fma(way, r < 2 ? middle : surface, at[r]);
   }
-  s.middle = middle, s.surface = surface, s.flat = m_or(m_andnot(known, thin), m_and(thin, sheet));
-  s.front = m_and(s.flat, v_lt(zero, v_fma(eye[2], s.axis[2], v_fma(eye[1], s.axis[1], eye[0] * s.axis[0]))));
+  s.middle = middle, s.surface = surface;
   s.core = core_of(eye, &s, s.flat);
-  s.along = v_max(s.along, s.core * v_set(g->core_root));
+  s.along = has_cores(g) ? v_max(s.along, s.core * v_set(g->core_root)) : s.core;
   return s;
 }
 
@@ -230,9 +243,7 @@ V_INLINE vm near_tile(const tc_splat_entry *e, const tc_splat_tile *t, const sig
   return m_and(right, m_and(v_le(before, s->y), v_le(s->y, v_set((float)t->height) + reach)));
 }
 
-V_INLINE bool has_shapes(const tc_splat_args *g) { return g->opaque && g->move > 0; }
-
-/* False: none of the splats meets the tile. cores: set where kernels have shapes of their own; NULL: not wanted. */
+/* False: none of the splats meets the tile. cores: set if has_cores(); NULL: not wanted. */
 V_INLINE bool project(const tc_splat_args *g, const tc_splat_entry *e, const tc_splat_tile *t, uint32_t first,
                       batch *out, ellipses *cores) {
   const uint32_t count = e->brick.first + e->brick.count - first;
@@ -251,8 +262,10 @@ V_INLINE bool project(const tc_splat_args *g, const tc_splat_entry *e, const tc_
   shape own;
   if (shaped) {
     const vf eye[3] = {v_set(e->eye[0]) - d[0], v_set(e->eye[1]) - d[1], v_set(e->eye[2]) - d[2]};
-    own = shape_of(g, e->of->insets + first, word, eye, at), from = sight_of(g, t, at);
+    own = side_of(g, e->of->insets + first, word, eye);
     facing = m_or(facing, m_and(aslant, m_or(own.front, is_thin(word))));
+    if (g->culling && !m_any(m_and(lanes, facing))) return false;
+    own = shape_of(g, e->of->insets + first, word, eye, at), from = sight_of(g, t, at);
   }
   const vm inside = m_and(lanes, v_lt(v_set(g->near_mm), at[2]));
   vm alive = m_and(inside, facing);
@@ -268,7 +281,7 @@ V_INLINE bool project(const tc_splat_args *g, const tc_splat_entry *e, const tc_
   }
   if (shaped) {
     vf kx[3], ky[3];
-    if (cores) {
+    if (cores && has_cores(g)) {
       stretch(&own, own.core, jx, kx), stretch(&own, own.core, jy, ky);
       set_ellipses(g, kx, ky, from.scale, cores);
     }
@@ -392,7 +405,7 @@ static void put_depths(const tc_splat_args *g, const tc_splat_entry *e, tc_splat
     if (!project(g, e, t, e->brick.first + V_LANES * i, b, &cores)) continue;
     b->alive = shown(g, b, t, &front);
     t->n_kept += t->keeps && b->alive;
-    const ellipses *const of = has_shapes(g) ? &cores : &b->kernel;
+    const ellipses *const of = has_cores(g) ? &cores : &b->kernel;
     if (e->clipped) put_cut_cores(g, b, of, front, t);
     else put_cores(g, b, of, NULL, front, t);
   }

@@ -97,7 +97,7 @@ Shape shape_of(uint word, uint stored, vec3 eye, inout vec3 at) {
 #if PASS == 1
     s.along = core_of(s, eye);
 #else
-    s.along = max(s.along, core_of(s, eye) * splat.core_root);
+    s.along = splat.open > 1.0 ? max(s.along, core_of(s, eye) * splat.core_root) : core_of(s, eye);
 #endif
   return s;
 }
