@@ -80,7 +80,8 @@ V_INLINE bool find_cuts(const tc_splat_args *g, const tc_splat_entry *e, const t
   shape own = {.axis = {zero, zero, zero}, .flat = v_lt(zero, zero)};
   if (has_shapes(g)) {
     const vf eye[3] = {v_set(e->eye[0]) - d[0], v_set(e->eye[1]) - d[1], v_set(e->eye[2]) - d[2]};
-    own = shape_of(g, e->of->insets + first, word, eye, at);
+    own = side_of(g, e->of->insets + first, word, eye);
+    set_shape(g, e->of->insets + first, word, eye, at, &own);
     for (int k = 0; k < 3; k++) {
       face[k] = v_fma(own.axis[k], own.surface * v_set(1 / g->move), d[k]);
       d[k] = v_fma(own.axis[k], own.surface, d[k]);

@@ -101,7 +101,7 @@ static double normal_of(const pick *p, const int voxel[3], double normal[3]) {
   return dot3(normal, normal) > 0 ? inset : -1;
 }
 
-/* A surface's kernel as shape_of() of tile_tmpl.h has it: how flat along which axis, and how far it moves along it.
+/* A surface's kernel as set_shape() of shape_tmpl.h has it: how flat along which axis, and how far it moves along it.
  * False: a ball; thin voxels count as balls, which are easier to hit. */
 static bool shape_of(const pick *p, const int voxel[3], double axis[3], double *flat, double move[2]) {
   const tc_splat_args *g = &p->frame.args;
@@ -118,7 +118,7 @@ static bool shape_of(const pick *p, const int voxel[3], double axis[3], double *
   return true;
 }
 
-/* core_of() of tile_tmpl.h; `to` is the way from the eye. */
+/* core_of() of shape_tmpl.h; `to` is the way from the eye. */
 static double core_of(const double to[3], const double axis[3], double flat) {
   const double cosine = fabs(dot3(to, axis)) / sqrt(dot3(to, to)), aslant = (double)TC_SPLAT_ASLANT;
   const double most = fmax(fmin(flat / (double)TC_SPLAT_FLAT, 1), flat);

@@ -16,7 +16,7 @@
 #define KERNEL_FALL 3.0    /* exponent at the kernel's rim */
 #define FEW_AREA 1e-3      /* pixels a voxel: below, weights shrink with it, so that sums do not overflow */
 /* Kernels are balls, and their depths those of their voxels, in voxels of up to ROUND pixels; from there to SHAPED pixels they take
- * shapes and places of their own (tile_tmpl.h). Voxels that are larger than pixels show their normals' steps, too: from SMALL to
+ * shapes and places of their own (shape_tmpl.h). Voxels that are larger than pixels show their normals' steps, too: from SMALL to
  * LARGE pixels the kernel's radius grows to SMOOTH voxels, or to MOST_PIXELS. What is covered does not grow: where no core is,
  * footprints are as before. */
 #define ROUND 1

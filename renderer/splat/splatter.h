@@ -6,7 +6,7 @@
  * and with it all ellipses less than 2.25 kernel radii behind or before it: their normals and colours are averaged by
  * the weights of the footprint table at d^2 + (depth / 2.25 radii)^4, divided by the sum of weights (so that a constant
  * solid is constant), and lit (raycast/shading.h). Pixels without a core, at outlines, are partly covered. Where voxels
- * are larger than pixels, kernels take the shapes of what they are part of (shape_of() in tile_tmpl.h): flat ones that
+ * are larger than pixels, kernels take the shapes of what they are part of (shape_tmpl.h): flat ones that
  * touch the surface from within, sheets, and lines whose voxels touch by corners alone. Lines are lit as cylinders and
  * single voxels as balls (round_tmpl.h). Then surfaces count that face the eye although their voxels' free faces do not.
  *

@@ -61,7 +61,7 @@ const uint SHEET = 0u, END = 2u, DOT = 3u; // tc_splat_thin
 
 bool is_thin(uint word) { return (word >> 12 & word >> 13 & 0x15u) != 0u; }
 
-// shape_of(), core_of() and stretch() of tile_tmpl.h; eye: from the voxel, index coordinates.
+// Of shape_tmpl.h; eye: from the voxel, index coordinates.
 struct Shape { vec3 axis; float along, across, middle, surface; bool on_surface, front; };
 
 float core_of(Shape s, vec3 eye) {
