@@ -599,7 +599,7 @@ bool tc_splat_draw(const tc_splat_job *job, GError **error) {
     return false;
   }
   d->job = job;
-  /* Not 16 lanes: footprints are a few pixels wide, and frames took 4 to 9 % longer. */
+  /* Not 16 lanes: footprints are a few pixels wide, and frames took up to 10 % longer. */
   d->kernels = __builtin_cpu_supports("avx2") && __builtin_cpu_supports("fma") && g_strcmp0(job->isa, "scalar") != 0
                    ? &tc_splat_avx2
                    : &tc_splat_scalar;
