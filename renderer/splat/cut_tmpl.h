@@ -31,8 +31,9 @@ V_INLINE void cut_by_rim(const tc_splat_args *g, const tc_splats *of, uint32_t f
   for (int k = 0; k < 3; k++)
     x = v_fma(axis[k], across_x[k], x), y = v_fma(axis[k], across_y[k], y), away = v_fma(axis[k], own->axis[k], away);
   away = v_fnma(x, dx, v_fnma(y, dy, away * own->surface));
-  add_cut(known, out - away, zero - x, zero - y, to);
-  if (m_any(sheet)) add_cut(sheet, out + away, x, y, to);
+  const vf over = v_set(TC_SPLAT_OVER);
+  add_cut(known, out - away + over, zero - x, zero - y, to);
+  if (m_any(sheet)) add_cut(sheet, out + away + over, x, y, to);
 }
 
 /* Of a cut, the plane nearest to a splat is its face's and does not cut the face. Lines, single voxels, and voxels that two planes lay
@@ -108,7 +109,7 @@ V_INLINE bool find_cuts(const tc_splat_args *g, const tc_splat_entry *e, const t
   for (uint32_t left = e->planes; left; left &= left - 1) {
     const int i = __builtin_ctz(left), n = to->n;
     const vf x = along_plane(g->planes[i], across_x), y = along_plane(g->planes[i], across_y);
-    const vf away = along_plane(g->planes[i], d) + v_set(plane_start(g, e, i));
+    const vf away = along_plane(g->planes[i], d) + v_set(plane_start(g, e, i) + TC_SPLAT_OVER * (float)length3(g->planes[i]));
     const vm near = is_near(g, e, i, voxel);
     add_cut(e->of->cut ? v_le(zero, zero) : near, v_fnma(x, dx, v_fnma(y, dy, away)), x, y, to);
     to->plane[n] = i;

@@ -19,6 +19,7 @@
 #define TC_SPLAT_TILT 0.5 /* sine of the angle between a surface and the free faces of its voxels, at most */
 #define TC_SPLAT_ASLANT 0.3f /* from this cosine between normal and eye on a core is thicker than flat; from twice this on 1 / TC_SPLAT_FLAT times as thick, at most a ball */
 #define TC_SPLAT_ON_FACE 1e-3f /* voxels: planes that are no further from a splat of a cut than the nearest and this are its face's */
+#define TC_SPLAT_OVER 0.02f /* voxels that a surface goes over the plane or surface that ends it: more than packed normals and distances err */
 #define TC_SPLAT_FLAT 0.4f /* thickness of a surface's kernel over its width, where voxels are large */
 
 enum { TC_SUM_WEIGHT, TC_SUM_NORMAL, TC_SUM_COLOR = TC_SUM_NORMAL + 3, TC_SUMS = TC_SUM_COLOR + 3 };

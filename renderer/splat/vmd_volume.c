@@ -1,4 +1,5 @@
 /* Models of volumes: which voxels a threshold or labels fill, and the records of these voxels. */
+#include <float.h>
 #include <math.h>
 #include <stdlib.h>
 #include <string.h>
@@ -25,6 +26,7 @@ struct tc_vmd_subject {
   const tc_volume *volume;
   const tc_volume_desc *d;
   const void *data;    /* NULL: of a model */
+  const uint8_t *gaps; /* as tc_volume_gaps(); NULL: none */
   const tc_vmd *model; /* NULL: there is a grid */
   double low, high;    /* stored voxels in this range are filled */
   bool (*shows)(const void *user, double voxel);
@@ -75,10 +77,9 @@ static void fill_one_by_one(const subject *s, int y, uint64_t *bits) {
 /* NaN voxels are free. */
 static void clear_gaps(const subject *s, int y, uint64_t *bits) {
   const size_t nx = (size_t)s->d->dims[0];
-  const uint8_t *gaps = tc_volume_data(tc_volume_gaps(s->volume));
   for (int z = 0; z < s->d->dims[2]; z++)
     for (int x = 0; x < s->d->dims[0]; x++)
-      if (gaps[voxel_index(s, x, y, z)]) bits[(size_t)(z / 64) * nx + (size_t)x] &= ~(1ull << z % 64);
+      if (s->gaps[voxel_index(s, x, y, z)]) bits[(size_t)(z / 64) * nx + (size_t)x] &= ~(1ull << z % 64);
 }
 
 static void fill_by_range(const subject *s, int y, uint64_t *bits) {
@@ -99,7 +100,7 @@ static void fill(void *user, int y, uint64_t *bits) {
     fill_one_by_one(s, y, bits);
   else
     fill_by_range(s, y, bits);
-  if (tc_volume_gaps(s->volume)) clear_gaps(s, y, bits);
+  if (s->gaps) clear_gaps(s, y, bits);
 }
 
 /* Range of stored voxels whose values are in the range. Integers: the first and last such voxel, so that comparing stored
@@ -122,13 +123,19 @@ static void stored_range(subject *s, double low, double high) {
 
 /* Distance of a voxel's value from the nearer end of the object's range, positive inside; an end that no voxel is beyond
  * does not count; with neither, from the least value. Label maps: 1 inside, -1 outside. */
-static double inside_at(const subject *s, size_t i) {
+static double inside_by_value(const subject *s, size_t i) {
   const tc_volume_stats *stats = tc_volume_statistics(s->volume);
   double v = tc_voxel_at(s->d->type, s->data, i), above = v - s->low, below = s->high - v;
   if (s->labels) return above >= 0 && below >= 0 ? 1 : -1;
   if (s->low <= stats->voxel_min && s->high >= stats->voxel_max) return v - stats->voxel_min;
   if (s->low <= stats->voxel_min) return below;
   return s->high >= stats->voxel_max ? above : fmin(above, below);
+}
+
+/* A gap is outside, by as much as what is around it is inside: the surface is half way to a gap. */
+static double inside_at(const subject *s, size_t i) {
+  const double inside = inside_by_value(s, i);
+  return s->gaps && s->gaps[i] ? fmin(-fabs(inside), -FLT_MIN) : inside;
 }
 
 typedef struct spot {
@@ -332,6 +339,7 @@ static subject subject_of(const tc_volume *volume, double low, double high) {
   subject s = {.volume = volume,
                .d = tc_volume_describe(volume),
                .data = tc_volume_data(volume),
+               .gaps = tc_volume_gaps(volume) ? tc_volume_data(tc_volume_gaps(volume)) : NULL,
                .model = tc_volume_model(volume),
                .own = -1,
                .normal = -1};

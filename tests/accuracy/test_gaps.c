@@ -73,7 +73,8 @@ TEST(what_is_left_is_the_truth) {
 
 /* x, of which the far half along y is NaN; and with 0 in its place. */
 static double slope(double x, double y, double z, const void *unused) { return y <= 10 ? x : NAN; }
-static double slope_and_nothing(double x, double y, double z, const void *unused) { return y <= 10 ? x : 0; }
+/* Beyond it what is as far outside of 0.5 .. 20 as the slope is inside. */
+static double slope_and_nothing(double x, double y, double z, const void *unused) { return y <= 10 ? x : fmin(0.5 - fmin(x - 0.5, 20 - x), 0.499); }
 static double slope_alone(double x, double y, double z, const void *unused) { return x; }
 
 static size_t shown_of(int which, tc_volume *volume, tc_mode mode) {
@@ -106,7 +107,8 @@ TEST(surfaces_end_at_a_gap) {
   tc_volume_unref(whole);
 }
 
-/* Voxels that are NaN are no splats: the picture is that of the volume that has voxels out of range there. */
+/* Voxels that are NaN are no splats, and the surface is half way to them: the picture is that of the volume that has voxels as far
+ * out of range there. */
 TEST(splats_leave_gaps_out) {
   tc_volume *gaps = make(slope), *none = make(slope_and_nothing);
   EACH_RENDERER(i) {
@@ -115,7 +117,11 @@ TEST(splats_leave_gaps_out) {
     scene.splat.threshold[0] = 0.5; /* x = 0 is out of range in both */
     scene.splat.threshold[1] = 20;
     g_autofree float *seen = g_memdup2(render(i, gaps, &scene), 4 * PIXELS * sizeof(float));
-    assert_memory_equal(seen, render(i, none, &scene), 4 * PIXELS * sizeof(float));
+    const float *image = render(i, none, &scene);
+    int off = 0;
+    for (int p = 0; p < 4 * PIXELS; p++) off += fabsf(image[p] - seen[p]) > 1.f / 255;
+    print_message("  %s: %d of %d off\n", test_names[i], off, 4 * PIXELS);
+    assert_true(off < 4 * PIXELS / 50); /* at the corners, where a gap's value is the mean of fewer voxels */
   }
   tc_volume_unref(gaps);
   tc_volume_unref(none);

@@ -56,7 +56,7 @@ vec3 unfolded(uint word) {
 }
 
 const float ON_FACE = 1e-3; // TC_SPLAT_ON_FACE
-const float FLAT = 0.4, LONG = 1.3, ASLANT = 0.3; // TC_SPLAT_FLAT, TC_SPLAT_LONG, TC_SPLAT_ASLANT
+const float FLAT = 0.4, LONG = 1.3, ASLANT = 0.3, OVER = 0.02; // TC_SPLAT_FLAT, TC_SPLAT_LONG, TC_SPLAT_ASLANT, TC_SPLAT_OVER
 const uint SHEET = 0u, END = 2u, DOT = 3u; // tc_splat_thin
 
 bool is_thin(uint word) { return (word >> 12 & word >> 13 & 0x15u) != 0u; }
@@ -191,7 +191,7 @@ bool is_cut(Entry e, Footprint f, vec2 p) {
   vec2 d = p + 0.5 - f.at;
   vec3 place = f.origin + f.cut_x * d.x + f.cut_y * d.y;
   float out_of = dot(f.rim.xyz, place);
-  return f.cut && (!kept(e, f.planes, place, 0.0) || (first_rim != 0u && (out_of > f.rim.w || out_of < f.back)));
+  return f.cut && (!kept(e, f.planes, place, OVER) || (first_rim != 0u && (out_of > f.rim.w + OVER || out_of < f.back - OVER)));
 }
 
 float distance_at(Footprint f, vec2 p) {
