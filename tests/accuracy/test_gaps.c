@@ -127,6 +127,24 @@ TEST(splats_leave_gaps_out) {
   tc_volume_unref(none);
 }
 
+/* A surface at a gap looks to the gap, whatever the values before it. */
+TEST(splats_at_a_gap_are_lit) {
+  g_autoptr(tc_volume) gaps = make(slope);
+  EACH_RENDERER(i) {
+    g_auto(tc_scene) scene;
+    int shown = 0, dark = 0;
+    look(&scene, gaps, TC_MODE_SPLAT);
+    test_scene_frame(&scene, gaps, TC_ORTHOGRAPHIC, (double[3]){0.2, 1, 0.1});
+    tc_scene_light(&scene, true);
+    scene.splat.threshold[0] = 0.5, scene.splat.threshold[1] = 20;
+    const float *image = render(i, gaps, &scene);
+    for (int p = 0; p < PIXELS; p++)
+      if (image[4 * p + 3] > 0.9f) shown++, dark += (double)image[4 * p] < 0.6 * scene.isosurface.color[0];
+    print_message("  %s: %d of %d pixels are dark\n", test_names[i], dark, shown);
+    assert_true(shown > 400 && dark < shown / 4); /* its other sides */
+  }
+}
+
 /* One pixel a voxel: shown where there is a value, and with it alone; between the last value and the first gap, up to
  * half way. */
 TEST(slices_and_slabs_end_half_way_to_a_gap) {
