@@ -3,7 +3,7 @@
 
 /* Where planes cut the splats of a batch: a pixel dx, dy from splat i's place is kept if at + x dx + y dy >= 0 for each. */
 typedef struct cuts {
-  int n, plane[TC_SPLAT_MOST_PLANES]; /* the first cuts' */
+  int n, plane[TC_SPLAT_MOST_PLANES]; /* plane[i] makes cut i; cuts by the object's surface come after the planes' */
   float at[TC_SPLAT_MOST_PLANES + 2][V_LANES], x[TC_SPLAT_MOST_PLANES + 2][V_LANES], y[TC_SPLAT_MOST_PLANES + 2][V_LANES];
 } cuts;
 
@@ -37,7 +37,7 @@ V_INLINE void cut_by_rim(const tc_splat_args *g, const tc_splats *of, uint32_t f
 }
 
 /* Of a cut, the plane nearest to a splat is its face's and does not cut the face. Lines, single voxels, and voxels that two planes lay
- * open on opposite sides have no face, and every plane cuts them. d: the splats' points on their faces, wholly moved. */
+ * open on opposite sides have no face, and every plane cuts them. d: the splats' points on their faces, as if args.move were 1. */
 V_INLINE void spare_faces(const tc_splat_args *g, const tc_splat_entry *e, vi word, const vf d[3], cuts *to) {
   const vf zero = v_set(0);
   const vm round = is_thin(word);

@@ -29,11 +29,11 @@ static double distance(const double plane[4], int x, int y, int z) {
   return plane[0] * x + plane[1] * y + plane[2] * z + plane[3];
 }
 
-/* A plane that cuts off neighbours of a voxel, which is `at` mm from it: free faces. */
+/* A plane that lays a voxel open. */
 typedef struct opening {
   const double *plane;
-  double at;
-  unsigned faces;
+  double at;      /* mm from the plane to the voxel */
+  unsigned faces; /* of the voxel, beyond which the plane cuts the neighbours off */
 } opening;
 
 /* The nearest planes that lay a voxel open, at most MOST_FACES of them; returns how many, and all their faces. None where the voxel

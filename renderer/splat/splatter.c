@@ -45,6 +45,8 @@ typedef struct drawing {
 
 /* ---- the view ---- */
 
+_Static_assert(TC_SPLAT_MOST_PLANES == TC_MAX_CLIP_PLANES + 6, "clip planes, and the sides of the grid");
+
 int tc_splat_planes(const tc_volume *volume, const tc_scene *scene, unsigned sides, double planes[TC_SPLAT_MOST_PLANES][4]) {
   const tc_volume_desc *grid = tc_volume_describe(volume);
   tc_rays rays = {0};

@@ -72,7 +72,7 @@ typedef struct tc_splat_entry {
   uint8_t seen, mixed; /* faces that all of its voxels show to the eye; or each its own */
   uint8_t aslant;      /* tc_splat_aslant(): a splat with one of these faces counts if its surface faces the eye; 0: none does */
   uint8_t clipped;     /* a plane may cut its splats, or of a cut the object's surface may */
-  uint32_t planes;       /* planes that may cut its splats or lie beside them, bits; all others keep them whole */
+  uint32_t planes;       /* bits of the planes that can cut its splats */
 } tc_splat_entry;
 
 typedef struct tc_splat_tile {

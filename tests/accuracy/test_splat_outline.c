@@ -100,20 +100,24 @@ static double within_sides(test_field field, const void *context, const double p
   return depth;
 }
 
-/* Of a pixel's ray, how deep it goes into the solid; negative: by how much it misses the solid. */
-static double deepest_of(const tc_rays *rays, test_field field, const void *context, int x, int y) {
-  double from[3], way[3], deepest = -INFINITY, length;
+/* A pixel's ray in index coordinates: a place on it, and its direction (a unit vector). */
+static void pixel_ray(const tc_rays *rays, int x, int y, double at[3], double way[3]) {
   for (int r = 0; r < 3; r++) {
     way[r] = 0;
     for (int k = 0; k < 3; k++) way[r] += rays->to_index[3 * r + k] * (rays->view0[k] + (x + 0.5) * rays->view_du[k] + (y + 0.5) * rays->view_dv[k]);
-    from[r] = rays->anchor0[r] + (x + 0.5) * rays->anchor_du[r] + (y + 0.5) * rays->anchor_dv[r] - middle[r];
+    at[r] = rays->anchor0[r] + (x + 0.5) * rays->anchor_du[r] + (y + 0.5) * rays->anchor_dv[r];
   }
-  length = length3(way);
   normalise3(way);
-  const double nearest = -dot3(from, way);
+}
+
+/* Of a pixel's ray, how deep it goes into the solid; negative: by how much it misses the solid. */
+static double deepest_of(const tc_rays *rays, test_field field, const void *context, int x, int y) {
+  double at[3], way[3], deepest = -INFINITY, nearest = 0; /* to the middle */
+  pixel_ray(rays, x, y, at, way);
+  for (int k = 0; k < 3; k++) nearest += (middle[k] - at[k]) * way[k];
   for (double t = nearest - 40; t < nearest + 40; t += 0.125)
-    deepest = fmax(deepest, within_sides(field, context, (double[]){from[0] + t * way[0] + middle[0], from[1] + t * way[1] + middle[1], from[2] + t * way[2] + middle[2]}));
-  return length > 0 ? deepest : NAN;
+    deepest = fmax(deepest, within_sides(field, context, (double[]){at[0] + t * way[0], at[1] + t * way[1], at[2] + t * way[2]}));
+  return deepest;
 }
 
 static double everywhere(double x, double y, double z, const void *context) { return 50; }
@@ -153,17 +157,15 @@ TEST(ends_with_the_grid_are_flat) {
   }
 }
 
-/* How far a pixel's ray goes through the box of all voxels. */
+/* How many voxels a pixel's ray goes through the box of all voxels; negative: it misses the box. */
 static double way_through(const tc_rays *rays, int x, int y) {
-  double from = -INFINITY, to = INFINITY, square = 0;
-  for (int r = 0; r < 3; r++) {
-    double way = 0;
-    for (int k = 0; k < 3; k++) way += rays->to_index[3 * r + k] * (rays->view0[k] + (x + 0.5) * rays->view_du[k] + (y + 0.5) * rays->view_dv[k]);
-    const double at = rays->anchor0[r] + (x + 0.5) * rays->anchor_du[r] + (y + 0.5) * rays->anchor_dv[r];
-    const double lo = (-0.5 - at) / way, hi = (cube.dims[r] - 0.5 - at) / way;
-    from = fmax(from, fmin(lo, hi)), to = fmin(to, fmax(lo, hi)), square += way * way;
+  double at[3], way[3], from = -INFINITY, to = INFINITY;
+  pixel_ray(rays, x, y, at, way);
+  for (int k = 0; k < 3; k++) {
+    const double lo = (-0.5 - at[k]) / way[k], hi = (cube.dims[k] - 0.5 - at[k]) / way[k];
+    from = fmax(from, fmin(lo, hi)), to = fmin(to, fmax(lo, hi));
   }
-  return (to - from) * sqrt(square);
+  return to - from;
 }
 
 /* Two ends meet without a crack, wherever from they are seen; from view 72 on pixels' middles lie on an edge. */
