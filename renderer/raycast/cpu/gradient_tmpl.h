@@ -23,6 +23,84 @@ V_INLINE vf slope_position(int type, vf f) {
   return v_float(v_trunc(f * v_set(V_SLOPE_SHARES))) * v_set(1.0f / V_SLOPE_SHARES);
 }
 
+#ifdef V_TAPS
+V_INLINE vi load_tap_pair(int type, const char *voxels, const v_places *at) {
+  switch (type) { /* a constant after inlining */
+  case TC_U8: return v_tap_pair_u8(voxels, at);
+  case TC_I8: return v_tap_pair_i8(voxels, at);
+  case TC_U16: return v_tap_pair_u16(voxels, at);
+  default: return v_tap_pair_i16(voxels, at);
+  }
+}
+
+V_INLINE v_taps load_taps(int type, const char *voxels, const v_places *at) {
+  switch (type) {
+  case TC_U8: return v_taps_u8(voxels, at);
+  case TC_I8: return v_taps_i8(voxels, at);
+  case TC_U16: return v_taps_u16(voxels, at);
+  default: return v_taps_i16(voxels, at);
+  }
+}
+
+/* Whether load_central_integers() finds the gradients of the lanes in `needs`: their rows of four voxels lie within the volume. */
+V_INLINE bool within_rows(const tc_cpu_args *args, int type, const vf q[3], vm needs) {
+  if (type == TC_F32) return false;
+  const vm beyond = m_or(v_lt(q[0], v_set(1)), v_le(v_set(args->grid.last[0] - 1), q[0]));
+  return args->grid.cell_last[0] > 1 && !m_any(m_and(needs, beyond));
+}
+
+/* Whether a lane is at a face along y or z. */
+V_INLINE bool at_y_or_z(const tc_cpu_args *args, const vf q[3]) {
+  const vf least = v_min(q[1], q[2]), room = v_min(v_set(args->grid.last[1]) - q[1], v_set(args->grid.last[2]) - q[2]);
+  return m_any(v_le(v_min(least, room), v_set(1)));
+}
+
+/* load_central() of integers, in integers, to the same bits. at_faces: a lane is at a face along y or z. */
+V_INLINE void load_central_integers(const tc_cpu_args *args, int type, const vf q[3], bool at_faces, vf gradient[3]) {
+  const ptrdiff_t bytes = voxel_bytes(type);
+  const char *const voxels = args->grid.voxels;
+  taps t[3];
+  vi across[4][4]; /* [z][y]: interpolated along x */
+  slopes s;
+#pragma GCC unroll 3
+  for (int k = 0; k < 3; k++) t[k] = taps_at(args, k, q[k]);
+  /* lanes not needed may be at a face along x: their rows only have to exist */
+  const vf x = v_min(v_max(v_float(t[0].at[1]), v_set(1)), v_set((float)(args->grid.cell_last[0] - 1)));
+  const vi first = v_trunc(x), upper = v_trunc(t[0].f * v_set(V_SLOPE_SHARES));
+  const vi weights = v_ori(v_subi(v_seti(V_SLOPE_SHARES), upper), v_shl(upper, 16));
+  const v_places cells = v_place(cell_offset(args, (vi[]){first, t[1].at[1], t[2].at[1]}));
+#pragma GCC unroll 4
+  for (int z = 0; z < 4; z++)
+#pragma GCC unroll 4
+    for (int y = 0; y < 4; y++) {
+      const bool near_y = y == 1 || y == 2, near_z = z == 1 || z == 2;
+      if (!near_y && !near_z) continue;
+      const v_places clamped = at_faces ? v_place(cell_offset(args, (vi[]){first, t[1].at[y], t[2].at[z]})) : cells;
+      const ptrdiff_t further = (y - 1) * (ptrdiff_t)args->grid.row + (z - 1) * (ptrdiff_t)args->grid.slice;
+      const char *const row = voxels + (at_faces ? 0 : further * bytes);
+      if (near_y && near_z) {
+        const v_taps four = load_taps(type, row - bytes, &clamped);
+        across[z][y] = v_weigh(four.pair[1], weights);
+        s.along[0][y - 1 + 2 * (z - 1)] = v_float(v_subi(v_weigh(four.pair[2], weights), v_weigh(four.pair[0], weights)));
+      } else {
+        across[z][y] = v_weigh(load_tap_pair(type, row, &clamped), weights);
+      }
+    }
+#pragma GCC unroll 4
+  for (int i = 0; i < 4; i++) {
+    const int y = 1 + (i & 1), z = 1 + (i >> 1);
+    s.along[1][i] = v_float(v_subi(across[z][y + 1], across[z][y - 1]));
+    s.along[2][i] = v_float(v_subi(across[z + 1][y], across[z - 1][y]));
+    if (at_faces) { /* one-sided differences count twice */
+      s.along[1][i] = s.along[1][i] * v_select(y == 1 ? t[1].first : t[1].last, v_set(2), v_set(1));
+      s.along[2][i] = s.along[2][i] * v_select(z == 1 ? t[2].first : t[2].last, v_set(2), v_set(1));
+    }
+  }
+  interpolate_slopes(&s, (vf[]){t[0].f, t[1].f, t[2].f}, gradient);
+  for (int k = 0; k < 3; k++) gradient[k] = gradient[k] * v_set(1.0f / V_SLOPE_SHARES);
+}
+#endif
+
 V_INLINE void load_central(const tc_cpu_args *args, int type, const vf q[3], vf gradient[3]) {
   taps t[3];
   vf f[3], twice[3][2], v[4][4][4]; /* [z][y][x]; one-sided differences on the volume's faces count twice */
@@ -133,53 +211,22 @@ V_INLINE void least_of(const vf q[3], vm needs, float least[3]) {
   for (int k = 0; k < 3; k++) least[k] = v_least(v_select(needs, q[k], v_set(1e9f)));
 }
 
-#define MOST_PARTS 4 /* neighbourhoods, above which loads are faster */
-
-/* The gradients of the lanes in `needs` that fit one of a few neighbourhoods; returns the others. */
-V_INLINE vm find_in_parts(const tc_cpu_args *args, int type, const vf q[3], vm needs, vf gradient[3]) {
-  vi cell[3], at;
-  vf f[3];
-  float lanes[3][V_LANES];
-  if (!has_slopes(args, type)) return needs;
-#pragma GCC unroll 3
-  for (int k = 0; k < 3; k++) {
-    cell[k] = v_trunc(q[k]);
-    f[k] = q[k] - v_float(cell[k]);
-    v_store(lanes[k], q[k]);
-  }
-  for (int part = 0; part < MOST_PARTS && m_any(needs); part++) {
-    const int lane = __builtin_ctz(m_bits(needs));
-    float least[3];
-    int base[3];
-    vf g[3];
-    least_of(q, needs, least);
-    for (int k = 0; k < 3; k++) { /* the lane fits */
-      const float at_least = lanes[k][lane] - (float)(slope_cells(type, k) - 1);
-      least[k] = least[k] > at_least ? least[k] : at_least;
-    }
-    const ptrdiff_t first = first_slopes(args, type, least, base);
-    const vm fits = m_and(needs, slope_places(type, base, cell, &at));
-    if (first < 0 || !m_any(fits)) return needs;
-    near_central(args, type, first, at, f, g);
-    for (int k = 0; k < 3; k++) gradient[k] = v_select(fits, g[k], gradient[k]);
-    needs = m_andnot(needs, fits);
-  }
-  return needs;
-}
 #endif
 
 /* Twice the gradient at q: central differences at the eight voxels around (one-sided on the volume's faces), interpolated
  * trilinearly: continuous across cells. needs: the lanes whose gradient will be used. */
-#ifdef V_NEAR
+#ifdef V_TAPS
 #define CENTRAL(name, type)                                                                                           \
-  V_ONCE void load_central_##name(const tc_cpu_args *args, const vf q[3], vf gradient[3]) {                           \
+  V_ONCE void load_general_##name(const tc_cpu_args *args, const vf q[3], vf gradient[3]) {                           \
     load_central(args, TYPE_##name, q, gradient);                                                                     \
   }                                                                                                                   \
+  V_ONCE void load_at_faces_##name(const tc_cpu_args *args, const vf q[3], vf gradient[3]) {                          \
+    load_central_integers(args, TYPE_##name, q, true, gradient);                                                      \
+  }                                                                                                                   \
   V_ONCE void central_##name(const tc_cpu_args *args, const vf q[3], vm needs, vf gradient[3]) {                      \
-    vf found[3] = {v_set(0), v_set(0), v_set(0)};                                                                     \
-    const vm missing = find_in_parts(args, TYPE_##name, q, needs, found);                                             \
-    if (m_any(missing)) load_central_##name(args, q, gradient);                                                       \
-    for (int k = 0; k < 3; k++) gradient[k] = v_select(missing, gradient[k], found[k]);                               \
+    if (!within_rows(args, TYPE_##name, q, needs)) load_general_##name(args, q, gradient);                            \
+    else if (at_y_or_z(args, q)) load_at_faces_##name(args, q, gradient);                                             \
+    else load_central_integers(args, TYPE_##name, q, false, gradient);                                               \
   }
 #else
 #define CENTRAL(name, type)                                                                                           \

@@ -34,6 +34,10 @@
  *   field_tmpl.h has the default.
  * - Only if V_GATHERS is defined, for an instruction set whose gathers are faster than loads on some processors:
  *   v_gather_corner_T, v_corner_T by gathers.
+ * - Only if V_TAPS is defined, for an instruction set that multiplies words: v_taps_T, of integers, the pairs of words (0, 1),
+ *   (1, 2) and (2, 3) of four elements in a row from at->off on, and v_tap_pair_T, the pair from at->off on, all plus a constant
+ *   of the type T; v_weigh: the first word of each pair times the first weight plus the second times the second. Differences
+ *   of weighed pairs are exact.
  * - v_prefetch: prefetches the cache lines of some lanes' elements, of `size` bytes each; the addresses may be invalid.
  * - Only if V_NEAR is defined, for an instruction set whose permutations are cheaper than loads: v_near_T, a
  *   neighbourhood of V_NEAR_T (4 or 8) x 4 x 4 voxels; v_near_load_T: loads the neighbourhood whose lowest voxel is at
@@ -140,6 +144,10 @@
   SIMD_HAS(v_slopes_##name, v_slopes_load_##name, const void *, ptrdiff_t, ptrdiff_t);                                \
   SIMD_HAS(vf, v_slope_##name, const v_slopes_##name *, int, vi, int, int, vf);
 #define SIMD_NEAR /* SIMD_VOXELS(SIMD_HAS_NEAR) SIMD_HAS(vf, v_whole, vf); where V_NEAR is */
+#define SIMD_HAS_TAPS(name)                                                                                           \
+  SIMD_HAS(v_taps, v_taps_##name, const void *, const v_places *);                                                    \
+  SIMD_HAS(vi, v_tap_pair_##name, const void *, const v_places *);
+#define SIMD_TAPS /* as simd_voxels.h defines it, where V_TAPS is */
 
 #define SIMD_PROVIDED                                                                                                 \
   SIMD_UNARY(SIMD_HAS_UNARY)                                                                                          \
@@ -152,6 +160,7 @@
   SIMD_ORDER(SIMD_HAS_ORDER)                                                                                          \
   SIMD_VOXELS(SIMD_HAS_PAIR)                                                                                          \
   SIMD_NEAR                                                                                                           \
+  SIMD_TAPS                                                                                                           \
   SIMD_HAS(vf, v_set, float);                                                                                         \
   SIMD_HAS(vi, v_seti, int);                                                                                          \
   SIMD_HAS(vf, v_lane_x, void);                                                                                       \

@@ -105,11 +105,18 @@ V_INLINE vi v_load_lanes(const char *p, const v_places *at, int size) {
   return _mm256_inserti128_si256(_mm256_castsi128_si256(_mm_unpacklo_epi64(low01, low23)), _mm_unpacklo_epi64(high01, high23), 1);
 }
 #include "renderer/raycast/cpu/simd_pairs.h"
-V_INLINE void v_pair_f32(const void *base, const v_places *at, vf *a, vf *b) {
-  const __m256 first = v_four_pairs(base, at->off), next = v_four_pairs(base, at->off + 2);
+V_INLINE void v_load_pairs(const char *p, const v_places *at, int size, vf *a, vf *b) {
+  const __m256 first = v_four_pairs(p, at->off, size), next = v_four_pairs(p, at->off + 2, size);
   *a = _mm256_shuffle_ps(first, next, 0x88);
   *b = _mm256_shuffle_ps(first, next, 0xdd);
 }
+V_INLINE vi v_byte_words(vi p, int first) {
+  const int order = (int)0x80018000 + first * 0x10001;
+  const __m128i all = _mm_setr_epi32(order, order + 0x40004, order + 0x80008, order + 0xc000c);
+  return _mm256_shuffle_epi8(p, _mm256_broadcastsi128_si256(all));
+}
+V_INLINE vi v_weigh(vi words, vi weights) { return _mm256_madd_epi16(words, weights); }
+V_INLINE void v_pair_f32(const void *base, const v_places *at, vf *a, vf *b) { v_load_pairs(base, at, 4, a, b); }
 #include "renderer/raycast/cpu/simd_voxels.h"
 
 V_INLINE void v_prefetch(const void *base, const v_places *at, int size) {

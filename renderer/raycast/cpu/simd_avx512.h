@@ -111,15 +111,22 @@ V_INLINE vi v_load_lanes(const char *p, const v_places *at, int size) {
   return _mm512_inserti64x4(_mm512_castsi256_si512(low), high, 1);
 }
 #include "renderer/raycast/cpu/simd_pairs.h"
-V_INLINE __m512 v_eight_pairs(const float *p, const int32_t *off) { /* and of 8, 9 and 12, 13 */
-  const __m256d low = _mm256_castps_pd(v_four_pairs(p, off)), high = _mm256_castps_pd(v_four_pairs(p, off + 8));
+V_INLINE __m512 v_eight_pairs(const char *p, const int32_t *off, int size) { /* and of 8, 9 and 12, 13 */
+  const __m256d low = _mm256_castps_pd(v_four_pairs(p, off, size));
+  const __m256d high = _mm256_castps_pd(v_four_pairs(p, off + 8, size));
   return _mm512_castpd_ps(_mm512_insertf64x4(_mm512_castpd256_pd512(low), high, 1));
 }
-V_INLINE void v_pair_f32(const void *base, const v_places *at, vf *a, vf *b) {
-  const __m512 first = v_eight_pairs(base, at->off), next = v_eight_pairs(base, at->off + 2);
+V_INLINE void v_load_pairs(const char *p, const v_places *at, int size, vf *a, vf *b) {
+  const __m512 first = v_eight_pairs(p, at->off, size), next = v_eight_pairs(p, at->off + 2, size);
   *a = _mm512_shuffle_ps(first, next, 0x88);
   *b = _mm512_shuffle_ps(first, next, 0xdd);
 }
+V_INLINE vi v_byte_words(vi p, int first) {
+  const int order = (int)0x80018000 + first * 0x10001;
+  return _mm512_shuffle_epi8(p, _mm512_set4_epi32(order + 0xc000c, order + 0x80008, order + 0x40004, order));
+}
+V_INLINE vi v_weigh(vi words, vi weights) { return _mm512_madd_epi16(words, weights); }
+V_INLINE void v_pair_f32(const void *base, const v_places *at, vf *a, vf *b) { v_load_pairs(base, at, 4, a, b); }
 #include "renderer/raycast/cpu/simd_voxels.h"
 
 #define V_GATHERS

@@ -1,7 +1,7 @@
 /* Integer voxels of the vector vocabulary, for instruction sets of several lanes: one load fetches a voxel and its right
  * neighbour, and reads up to 3 bytes beyond them. Loads instead of gathers, whose cost differs more than tenfold between
  * processors and their microcodes. Included by a simd_*.h after v_place; v_load_lanes, 32 bits from p + size times
- * each lane's offset on; and v_biased_bytes and v_biased_words, which put the two lowest elements of each lane, unsigned, into
+ * each lane's offset on; v_load_pairs, 64 bits; v_byte_words, the bytes `first` and first + 1 of each lane as words; and v_biased_bytes and v_biased_words, which put the two lowest elements of each lane, unsigned, into
  * the mantissa of 2^23. */
 V_INLINE vi v_bytes(const uint8_t *base, vi off) {
   const v_places at = v_place(off);
@@ -26,3 +26,32 @@ V_VOXELS(i16, 2, 0x80008000, v_biased_words, v_sra(v_shl(p, 16), 16), v_sra(p, 1
 #define V_BIAS_I8 (0x1p23f + 128)
 #define V_BIAS_U16 0x1p23f
 #define V_BIAS_I16 (0x1p23f + 32768)
+
+/* Rows of four voxels. */
+#define V_TAPS
+#undef SIMD_TAPS
+#define SIMD_TAPS                                                                                                     \
+  SIMD_HAS_TAPS(u8) SIMD_HAS_TAPS(i8) SIMD_HAS_TAPS(u16) SIMD_HAS_TAPS(i16) SIMD_HAS(vi, v_weigh, vi, vi);
+typedef struct v_taps { vi pair[3]; } v_taps;
+#define V_BYTE_TAPS(name, flips)                                                                                      \
+  V_INLINE vi v_tap_pair_##name(const void *base, const v_places *at) {                                               \
+    return v_byte_words(v_flip(v_load_lanes((const char *)base, at, 1), flips), 0);                                   \
+  }                                                                                                                   \
+  V_INLINE v_taps v_taps_##name(const void *base, const v_places *at) {                                               \
+    const vi p = v_flip(v_load_lanes((const char *)base, at, 1), flips);                                              \
+    return (v_taps){{v_byte_words(p, 0), v_byte_words(p, 1), v_byte_words(p, 2)}};                                    \
+  }
+#define V_WORD_TAPS(name, flips)                                                                                      \
+  V_INLINE vi v_tap_pair_##name(const void *base, const v_places *at) {                                               \
+    return v_flip(v_load_lanes((const char *)base, at, 2), flips);                                                    \
+  }                                                                                                                   \
+  V_INLINE v_taps v_taps_##name(const void *base, const v_places *at) {                                               \
+    vf a, b;                                                                                                          \
+    v_load_pairs((const char *)base, at, 2, &a, &b);                                                                  \
+    const vi low = v_flip(v_bits(a), flips), high = v_flip(v_bits(b), flips);                                         \
+    return (v_taps){{low, v_ori(v_shr(low, 16), v_shl(high, 16)), high}};                                             \
+  }
+V_BYTE_TAPS(u8, 0)
+V_BYTE_TAPS(i8, 0x80808080)
+V_WORD_TAPS(u16, 0x80008000)
+V_WORD_TAPS(i16, 0)
