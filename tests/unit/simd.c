@@ -324,6 +324,42 @@ static void neighbourhoods_hold_their_voxels(void **unused) {}
 static void neighbourhoods_hold_their_slopes(void **unused) {}
 #endif
 
+#ifdef V_TAPS
+/* Differences of pairs, because the constant added to each cancels. */
+static void rows_of_four_are_weighed(void **unused) {
+#define TAPS(name, type)                                                                                              \
+  for (int round = 0; round < ROUNDS / 8; round++) {                                                                  \
+    enum { COUNT = 500 };                                                                                             \
+    type memory[COUNT + 2]; /* pairs read 2 bytes beyond */                                                           \
+    lanes at, upper, weights;                                                                                         \
+    for (int k = 0; k < COUNT; k++) memory[k] = (type)(draw() % 4 ? draw() : draw() % 2 ? (uint64_t)-1 : 0);          \
+    for (int k = 0; k < V_LANES; k++) {                                                                               \
+      at.i[k] = (int)(draw() % (COUNT - 3));                                                                          \
+      upper.i[k] = draw() % 4 ? (int)(draw() % V_SLOPE_SHARES) : (int)(draw() % 2) * V_SLOPE_SHARES;                  \
+      weights.i[k] = (V_SLOPE_SHARES - upper.i[k]) | upper.i[k] << 16;                                                \
+    }                                                                                                                 \
+    const v_places places = v_place(to_vi(&at));                                                                      \
+    const v_taps four = v_taps_##name(memory, &places);                                                               \
+    const vi single = v_weigh(v_tap_pair_##name(memory, &places), to_vi(&weights));                                   \
+    for (int pair = 0; pair < 3; pair++) {                                                                            \
+      const lanes got = of_vi(v_subi(v_weigh(four.pair[pair], to_vi(&weights)), single));                             \
+      for (int k = 0; k < V_LANES; k++) {                                                                             \
+        const type *v = memory + at.i[k], *w = v + pair;                                                              \
+        const int64_t wanted = ((int64_t)w[0] - v[0]) * (V_SLOPE_SHARES - upper.i[k]) +                               \
+                               ((int64_t)w[1] - v[1]) * upper.i[k];                                                   \
+        assert_int_equal(got.i[k], wanted);                                                                           \
+      }                                                                                                               \
+    }                                                                                                                 \
+  }
+  TAPS(u8, uint8_t)
+  TAPS(i8, int8_t)
+  TAPS(u16, uint16_t)
+  TAPS(i16, int16_t)
+}
+#else
+static void rows_of_four_are_weighed(void **unused) {}
+#endif
+
 /* Of packets whose rows are `row` pixels apart; memory between them keeps its values. */
 static void pixels_are_stored_in_place(void **unused) {
   enum { ROW = V_PACKET_X + 3, COUNT = 4 * ROW * V_PACKET_Y };
@@ -377,6 +413,7 @@ __attribute__((noinline)) static int run(void) {
       cmocka_unit_test(rows_mean_the_same_in_every_lane), cmocka_unit_test(lanes_convert_and_reduce),
       cmocka_unit_test(voxels_are_read_exactly), cmocka_unit_test(tables_are_looked_up_and_lanes_compacted),
       cmocka_unit_test(bilinear_is_exact_at_entries_and_near_between),
+      cmocka_unit_test(rows_of_four_are_weighed),
       cmocka_unit_test(neighbourhoods_hold_their_voxels), cmocka_unit_test(neighbourhoods_hold_their_slopes),
       cmocka_unit_test(prefetching_reads_nothing),
       cmocka_unit_test(pixels_are_stored_in_place)};

@@ -1,8 +1,8 @@
 /* Integer voxels of the vector vocabulary, for instruction sets of several lanes: one load fetches a voxel and its right
  * neighbour, and reads up to 3 bytes beyond them. Loads instead of gathers, whose cost differs more than tenfold between
- * processors and their microcodes. Included by a simd_*.h after v_place; v_load_lanes, 32 bits from p + size times
- * each lane's offset on; v_load_pairs, 64 bits; v_byte_words, the bytes `first` and first + 1 of each lane as words; and v_biased_bytes and v_biased_words, which put the two lowest elements of each lane, unsigned, into
- * the mantissa of 2^23. */
+ * processors and their microcodes. Included by a simd_*.h after v_place; v_load_lanes, 32 bits from p + size times each
+ * lane's offset on; v_load_pairs, 64 bits; v_byte_words, the bytes `first` and first + 1 of each lane as words; v_weigh; and
+ * v_biased_bytes and v_biased_words, which put the two lowest elements of each lane, unsigned, into the mantissa of 2^23. */
 V_INLINE vi v_bytes(const uint8_t *base, vi off) {
   const v_places at = v_place(off);
   return v_andi(v_load_lanes((const char *)base, &at, 1), v_seti(255));
