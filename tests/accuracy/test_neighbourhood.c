@@ -1,4 +1,5 @@
-/* Variants of one instruction set draw the same bits: neighbourhoods in registers and loads. */
+/* Neighbourhoods in registers, loads and gathers: variants of one instruction set draw the same bits, and light a volume as
+ * the scalar kernel does. */
 #include "tests/support/test.h"
 
 #include <math.h>
@@ -7,7 +8,7 @@
 #include "tests/support/grid.h"
 
 enum { TRIALS = 300 };
-#define LIT_BOUND 1e-3 /* of colour; measured 2.3e-4; differences at faces counted once instead of twice: .11 */
+#define LIT_BOUND 1e-3 /* of colour; measured 2.3e-4; with one-sided differences counted once, .11 */
 
 /* Every second volume has single voxels that differ from their neighbours by more than 16 bits hold, if its type can. */
 static double rough_waves(double x, double y, double z, const void *seed) {

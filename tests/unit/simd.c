@@ -330,7 +330,7 @@ static void rows_of_four_are_weighed(void **unused) {
 #define TAPS(name, type)                                                                                              \
   for (int round = 0; round < ROUNDS / 8; round++) {                                                                  \
     enum { COUNT = 500 };                                                                                             \
-    type memory[COUNT + 2]; /* pairs read 2 bytes beyond */                                                           \
+    type memory[COUNT];                                                                                               \
     lanes at, upper, weights;                                                                                         \
     for (int k = 0; k < COUNT; k++) memory[k] = (type)(draw() % 4 ? draw() : draw() % 2 ? (uint64_t)-1 : 0);          \
     for (int k = 0; k < V_LANES; k++) {                                                                               \

@@ -64,7 +64,7 @@ V_INLINE void load_central_integers(const tc_cpu_args *args, int type, const vf 
   slopes s;
 #pragma GCC unroll 3
   for (int k = 0; k < 3; k++) t[k] = taps_at(args, k, q[k]);
-  /* lanes not needed may be at a face along x: their rows only have to exist */
+  /* Lanes that are not needed may be at a face along x: their rows must lie in memory, whatever their values. */
   const vf x = v_min(v_max(v_float(t[0].at[1]), v_set(1)), v_set((float)(args->grid.cell_last[0] - 1)));
   const vi first = v_trunc(x), upper = v_trunc(t[0].f * v_set(V_SLOPE_SHARES));
   const vi weights = v_ori(v_subi(v_seti(V_SLOPE_SHARES), upper), v_shl(upper, 16));
@@ -210,7 +210,6 @@ V_INLINE void least_of(const vf q[3], vm needs, float least[3]) {
 #pragma GCC unroll 3
   for (int k = 0; k < 3; k++) least[k] = v_least(v_select(needs, q[k], v_set(1e9f)));
 }
-
 #endif
 
 /* Twice the gradient at q: central differences at the eight voxels around (one-sided on the volume's faces), interpolated
@@ -226,7 +225,7 @@ V_INLINE void least_of(const vf q[3], vm needs, float least[3]) {
   V_ONCE void central_##name(const tc_cpu_args *args, const vf q[3], vm needs, vf gradient[3]) {                      \
     if (!within_rows(args, TYPE_##name, q, needs)) load_general_##name(args, q, gradient);                            \
     else if (at_y_or_z(args, q)) load_at_faces_##name(args, q, gradient);                                             \
-    else load_central_integers(args, TYPE_##name, q, false, gradient);                                               \
+    else load_central_integers(args, TYPE_##name, q, false, gradient);                                                \
   }
 #else
 #define CENTRAL(name, type)                                                                                           \

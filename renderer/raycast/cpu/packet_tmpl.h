@@ -100,7 +100,7 @@ typedef struct skip_backoff {
   int last; /* number of such packets last time */
 } skip_backoff;
 
-/* Not cold: that would compile the loops around its calls for size. */
+/* Without the attribute cold: GCC would take the loops around the calls for cold, too, and compile them for size. */
 static __attribute__((noinline)) bool poll_halt(const tc_cpu_args *args, tc_cpu_counts *counts) {
   counts->left = counts->left || tc_halt_within(args->halt);
   counts->until_poll = counts->left ? 1 : TC_CPU_POLL_STEPS; /* once interrupted, every march of the unit ends */
