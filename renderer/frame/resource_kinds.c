@@ -363,9 +363,9 @@ static bool label_shows(const void *user, double voxel) {
 
 static void *model_begin(const tc_making *m, GError **error) {
   const double *range = m->job->scene->splat.threshold;
-  const tc_vmd_wish wish = {
+  const tc_vmd_options options = {
       .low = range[0], .high = range[1], .shows = splats_labels(m->job) ? label_shows : NULL, .user = m->job};
-  return tc_vmd_of_volume(object_of(m->job), &wish, m->pool, error);
+  return tc_vmd_of_volume(object_of(m->job), &options, m->pool, error);
 }
 
 /* Inner voxels are needed if the object is translucent or not culled. */
@@ -386,14 +386,14 @@ static void *splats_begin(const tc_making *m, GError **error) {
     return tc_splats_build(built, (tc_splat_normals){own ? tc_vmd_own_normal : NULL, model}, has_inside(scene), m->pool,
                            error);
   }
-  tc_vmd_subject *subject = tc_vmd_subject_new(m->job->source, scene->splat.threshold[0], scene->splat.threshold[1]);
-  if (!subject) {
+  tc_vmd_object *object = tc_vmd_object_new(m->job->source, scene->splat.threshold[0], scene->splat.threshold[1]);
+  if (!object) {
     tc_set_error(error, TC_ERROR_MEMORY, NULL, "splats: out of memory");
     return NULL;
   }
-  tc_splats *splats = tc_splats_build(built, (tc_splat_normals){tc_vmd_normal_at, subject, tc_vmd_end_at}, has_inside(scene),
+  tc_splats *splats = tc_splats_build(built, (tc_splat_normals){tc_vmd_normal_at, object, tc_vmd_end_at}, has_inside(scene),
                                       m->pool, error);
-  tc_vmd_subject_free(subject);
+  tc_vmd_object_free(object);
   return splats;
 }
 

@@ -1,9 +1,10 @@
-/* Clip planes, pixel by pixel: a part of tile_tmpl.h. A kernel reaches over a plane that its voxel lies beside, and voxels just
- * beyond a plane reach before it; cut at the plane, their surfaces end in a line instead of stairs of voxels. */
+/* Clipping of kernels per pixel; part of tile_tmpl.h. Kernels of voxels on either side of a plane reach across it. Clipped at the
+ * plane, the surface ends in a straight line instead of steps of voxels. */
 
-/* Where planes cut the splats of a batch: a pixel dx, dy from splat i's place is kept if at + x dx + y dy >= 0 for each. */
+/* Half planes that clip the splats of a batch: a pixel at dx, dy from the centre of splat i is kept if at + x dx + y dy >= 0 for
+ * each of them. */
 typedef struct cuts {
-  int n, plane[TC_SPLAT_MOST_PLANES]; /* plane[i] makes cut i; cuts by the object's surface come after the planes' */
+  int n, plane[TC_SPLAT_MOST_PLANES]; /* plane[i]: of half plane i; those of the object's surface come after the planes' */
   float at[TC_SPLAT_MOST_PLANES + 2][V_LANES], x[TC_SPLAT_MOST_PLANES + 2][V_LANES], y[TC_SPLAT_MOST_PLANES + 2][V_LANES];
 } cuts;
 
@@ -17,14 +18,14 @@ V_INLINE void add_cut(vm where, vf at, vf x, vf y, cuts *to) {
   v_store(to->y[to->n++], v_select(where, y, zero));
 }
 
-/* Kernels of a cut's face go no further than the object's surface beside their voxels, and on a sheet no further than its two
- * sides. own: of the face's splats; across_x, across_y: the steps on the face that a pixel is; dx, dy: as in find_cuts(). */
+/* Clips kernels of a cut face at the object's surface beside their voxels, and those of a sheet at both of its sides. own: shapes
+ * of the face's splats; across_x, across_y: steps on the face for a pixel along x and y; dx, dy: as in find_cuts(). */
 V_INLINE void cut_by_rim(const tc_splat_args *g, const tc_splats *of, uint32_t first, const shape *own, const vf across_x[3],
                          const vf across_y[3], vf dx, vf dy, cuts *to) {
   const vi rim = v_bits(v_load((const float *)(const void *)(of->rims + first)));
   const vf inset = v_float(v_andi(rim, v_seti(255))), zero = v_set(0);
   const vm known = v_lt(zero, inset), sheet = m_and(known, is_thin(rim));
-  const vf half = v_fma(v_fma(inset, v_set(1 / 63.f), v_set(-1)), v_set(g->move), v_set(1)) * v_set(g->touch);
+  const vf half = v_fma(v_fma(inset, v_set(1 / 63.f), v_set(-1)), v_set(g->shape_blend), v_set(1)) * v_set(g->core_radius);
   const vf out = v_select(sheet, half, (inset - v_set(1)) * v_set(1 / 254.f));
   vf axis[3], x = zero, y = zero, away = zero;
   axis_of(g, rim, axis);
@@ -36,8 +37,9 @@ V_INLINE void cut_by_rim(const tc_splat_args *g, const tc_splats *of, uint32_t f
   if (m_any(sheet)) add_cut(sheet, out + away + over, x, y, to);
 }
 
-/* Of a cut, the plane nearest to a splat is its face's and does not cut the face. Lines, single voxels, and voxels that two planes lay
- * open on opposite sides have no face, and every plane cuts them. d: the splats' points on their faces, as if args.move were 1. */
+/* A splat of a cut face is not clipped by the plane of that face, which is the plane nearest to it. Lines, single voxels, and
+ * voxels that planes clip on opposite sides have no face: every plane clips them. d: positions of the splats on their faces for
+ * a shape_blend of 1. */
 V_INLINE void spare_faces(const tc_splat_args *g, const tc_splat_entry *e, vi word, const vf d[3], cuts *to) {
   const vf zero = v_set(0);
   const vm round = is_thin(word);
@@ -54,11 +56,11 @@ V_INLINE void spare_faces(const tc_splat_args *g, const tc_splat_entry *e, vi wo
   }
 }
 
-/* Whether plane i is so near to splats of the whole object, at d, that it can cut them. A tangent plane seen at a flat angle would
- * meet planes that its splat is far from. */
+/* The splats, at d, that plane i is near enough to clip. Others must not be tested: a tangent plane seen at a flat angle meets
+ * planes far away from its splat. */
 V_INLINE vm is_near(const tc_splat_args *g, const tc_splat_entry *e, int i, const vf d[3]) {
   const vf away = along_plane(g->planes[i], d) + v_set(plane_start(g, e, i));
-  return v_lt(away, v_set(g->beyond * (float)length3(g->planes[i])));
+  return v_lt(away, v_set(g->clip_reach * (float)length3(g->planes[i])));
 }
 
 V_INLINE bool may_cut(const tc_splat_args *g, const tc_splat_entry *e, const vf d[3]) {
@@ -67,8 +69,9 @@ V_INLINE bool may_cut(const tc_splat_args *g, const tc_splat_entry *e, const vf 
   return m_any(any);
 }
 
-/* A splat of a surface is cut as its tangent plane is; one that is seen edge-on, or lies on no surface, as a plane across the view.
- * The splats are projected again, which only those near a plane pay for. False: none is cut. */
+/* Sets the half planes. A splat on a surface is clipped where its tangent plane meets the clip plane; a splat that is seen edge-on
+ * or lies on no surface, where a plane perpendicular to the view does. Projects the splats again, at a cost for splats near a
+ * plane only. False: no splat is clipped. */
 V_INLINE bool find_cuts(const tc_splat_args *g, const tc_splat_entry *e, const tc_splat_tile *t, uint32_t first, cuts *to) {
   const vi word = v_bits(v_load((const float *)(const void *)(e->of->words + first)));
   const vf zero = v_set(0);
@@ -84,12 +87,12 @@ V_INLINE bool find_cuts(const tc_splat_args *g, const tc_splat_entry *e, const t
     own = side_of(g, e->of->insets + first, word, eye);
     set_shape(g, e->of->insets + first, word, eye, at, &own);
     for (int k = 0; k < 3; k++) {
-      face[k] = v_fma(own.axis[k], own.surface * v_set(1 / g->move), d[k]);
+      face[k] = v_fma(own.axis[k], own.surface * v_set(1 / g->shape_blend), d[k]);
       d[k] = v_fma(own.axis[k], own.surface, d[k]);
     }
     shift = own.surface - own.middle;
   }
-  const sight s = sight_of(g, t, at);
+  const projection s = project_point(g, t, at);
   for (int k = 0; k < 3; k++) { /* pixels by index coordinates */
     jx[k] = v_fnma(s.u, v_set(g->axis[2][k]), v_set(g->axis[0][k])) * s.scale;
     jy[k] = v_fnma(s.v, v_set(g->axis[2][k]), v_set(g->axis[1][k])) * s.scale;
@@ -102,7 +105,7 @@ V_INLINE bool find_cuts(const tc_splat_args *g, const tc_splat_entry *e, const t
   const vf inverse = v_set(1) / v_fma(normal[2], area[2], v_fma(normal[1], area[1], normal[0] * area[0]));
   cross_of(jy, normal, across_x), cross_of(normal, jx, across_y);
   for (int k = 0; k < 3; k++) across_x[k] = across_x[k] * inverse, across_y[k] = across_y[k] * inverse;
-  vf dx = zero, dy = zero; /* from the splat's place to where the surface's point is seen */
+  vf dx = zero, dy = zero; /* pixels from the splat's centre to the projection of the surface's point */
   for (int k = 0; k < 3; k++)
     dx = v_fma(jx[k], own.axis[k] * shift, dx), dy = v_fma(jy[k], own.axis[k] * shift, dy);
   to->n = 0;
@@ -120,7 +123,7 @@ V_INLINE bool find_cuts(const tc_splat_args *g, const tc_splat_entry *e, const t
   return true;
 }
 
-/* Pixels of `in` that no plane cuts off splat i. cut: NULL if no plane meets its brick. */
+/* Pixels of `in` that no half plane clips off splat i. cut: NULL if no plane meets its brick. */
 V_INLINE vm not_cut(const cuts *cut, int i, vf dx, vf dy, vm in) {
   if (!cut) return in;
   for (int k = 0; k < cut->n; k++)

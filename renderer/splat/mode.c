@@ -13,30 +13,30 @@
 #define NORMAL_HALF 31 /* of the octahedral map of normals' colours */
 #define NORMAL_SIDE (2 * NORMAL_HALF + 1)
 
-/* What an attribute adds to the table, after the nodes. */
+/* Entries that an attribute adds to the table behind the nodes. */
 typedef enum added { ADDS_NONE, ADDS_PALETTE, ADDS_NORMALS } added;
 
-/* Labels have their own colours, as has a model's attribute "label"; a normal's components (LPS, -1 to 1) are red, green
- * and blue. Of other attributes the transfer function gives the colour, by nodes over the volume's range, each value of 8
- * bits its own; an attribute's range is stretched to the volume's. Extinction is the transfer function's at the value. */
-struct tc_splat_look {
+/* Labels, and a model's attribute "label", have their palette's colours; a normal's components (LPS, -1 to 1) become red, green and
+ * blue. All other attributes are coloured by the transfer function, at nodes over the volume's range (one for each value of 8
+ * bits), to which an attribute's range is scaled. Extinction is that of the transfer function at the voxel's value. */
+struct tc_splat_appearance {
   const tc_volume *volume;
-  const tc_labels *labels;           /* of the volume; NULL: it is not drawn as labels */
+  const tc_labels *labels;           /* NULL: the volume is not drawn as labels */
   const tc_vmd *model;               /* of a volume without a grid */
-  const tc_vmd_attribute *attribute; /* of the model, in the value's place; NULL: the value */
+  const tc_vmd_attribute *attribute; /* attribute that is coloured; NULL: the value */
   added added;
-  float lo, scale, last;  /* node of a stored voxel */
-  float own_lo, own_scale; /* node of an attribute's number */
+  float lo, scale, last;  /* node of a stored voxel: (voxel - lo) * scale, at most last */
+  float own_lo, own_scale; /* the same for an attribute's number */
   int n;
   float (*table)[4]; /* [n]: colour, compositing space; extinction, 1/mm */
 };
 
-static uint16_t node_at(const tc_splat_look *m, double number, float lo, float scale) {
+static uint16_t node_at(const tc_splat_appearance *m, double number, float lo, float scale) {
   const float at = ((float)number - lo) * scale + 0.5f;
   return at > 0 ? (uint16_t)fminf(at, m->last) : 0;
 }
 
-static uint16_t color_of(const tc_splat_look *m, const uint8_t *record) {
+static uint16_t color_of(const tc_splat_appearance *m, const uint8_t *record) {
   const tc_vmd_attribute *a = m->attribute;
   const uint8_t *two = record + a->at;
   if (m->added == ADDS_NORMALS)
@@ -46,7 +46,7 @@ static uint16_t color_of(const tc_splat_look *m, const uint8_t *record) {
   return node_at(m, number, m->own_lo, m->own_scale);
 }
 
-void tc_splat_look_at(const tc_splat_look *m, const int at[3], uint16_t of[2]) {
+void tc_splat_appearance_at(const tc_splat_appearance *m, const int at[3], uint16_t of[2]) {
   double voxel = 0;
   tc_volume_voxel(m->volume, at, &voxel);
   if (m->labels) {
@@ -58,18 +58,18 @@ void tc_splat_look_at(const tc_splat_look *m, const int at[3], uint16_t of[2]) {
   if (m->attribute) of[0] = color_of(m, tc_vmd_voxel(m->model, at[0], at[1], at[2]));
 }
 
-static void matter_of(const void *user, const int at[3], float rgbk[4]) {
-  const tc_splat_look *m = user;
+static void color_and_extinction(const void *user, const int at[3], float rgbk[4]) {
+  const tc_splat_appearance *m = user;
   uint16_t of[2];
-  tc_splat_look_at(m, at, of);
+  tc_splat_appearance_at(m, at, of);
   memcpy(rgbk, m->table[of[0]], 3 * sizeof *rgbk);
   rgbk[3] = m->table[of[1]][3];
 }
 
-static void fetch_ahead(const void *user, const int at[3]) { tc_volume_fetch(((const tc_splat_look *)user)->volume, at); }
+static void prefetch_voxel(const void *user, const int at[3]) { tc_volume_fetch(((const tc_splat_appearance *)user)->volume, at); }
 
-/* A label's opacity is that of a millimetre. The last entry is of what has none. */
-static void set_labels(tc_splat_look *m) {
+/* A label's opacity is that of a millimetre. The last entry is for voxels without a label. */
+static void set_labels(tc_splat_appearance *m) {
   for (int i = 0; i < m->n; i++) {
     const float *entry = m->labels->entries[i < m->n - 1 ? i : m->labels->n];
     memcpy(m->table[i], entry + 5, 3 * sizeof **m->table);
@@ -77,8 +77,8 @@ static void set_labels(tc_splat_look *m) {
   }
 }
 
-/* solid: of the isosurface's colour, whatever the values. */
-static void set_nodes(tc_splat_look *m, const tc_scene *scene, bool solid) {
+/* solid: the isosurface's colour for all values. */
+static void set_nodes(tc_splat_appearance *m, const tc_scene *scene, bool solid) {
   const tc_volume_desc *d = tc_volume_describe(m->volume);
   const tc_volume_stats *range = tc_volume_statistics(m->volume);
   const double span = range->voxel_max - range->voxel_min;
@@ -97,12 +97,12 @@ static void set_nodes(tc_splat_look *m, const tc_scene *scene, bool solid) {
   }
 }
 
-static void set_added(tc_splat_look *m, const tc_scene *scene, int i, int channel, double color) {
+static void set_added(tc_splat_appearance *m, const tc_scene *scene, int i, int channel, double color) {
   m->table[NODES + i][channel] = (float)(scene->image.linear_light ? tc_srgb_to_linear(color) : color);
 }
 
-/* Colours that a model names; else labels' usual ones. */
-static void set_palette(tc_splat_look *m, const tc_scene *scene) {
+/* The model's palette, and default label colours for the rest. */
+static void set_palette(tc_splat_appearance *m, const tc_scene *scene) {
   size_t count;
   const double(*usual)[3] = tc_label_palette(&count);
   for (int i = 0; i < TC_VMD_PALETTE; i++)
@@ -112,7 +112,7 @@ static void set_palette(tc_splat_look *m, const tc_scene *scene) {
                                              : usual[(size_t)(i + (int)count - 1) % count][c]);
 }
 
-static void set_normals(tc_splat_look *m, const tc_scene *scene) {
+static void set_normals(tc_splat_appearance *m, const tc_scene *scene) {
   for (int i = 0; i < NORMAL_SIDE * NORMAL_SIDE; i++) {
     float n[3];
     tc_octahedron_unfold(i % NORMAL_SIDE, i / NORMAL_SIDE, NORMAL_HALF, n);
@@ -120,7 +120,7 @@ static void set_normals(tc_splat_look *m, const tc_scene *scene) {
   }
 }
 
-static void set_attribute(tc_splat_look *m, const tc_scene *scene) {
+static void set_attribute(tc_splat_appearance *m, const tc_scene *scene) {
   const char *name = scene->splat.attribute;
   if (!m->model || strcmp(name, "value") == 0) return;
   m->attribute = tc_vmd_attribute_named(&m->model->head, name);
@@ -128,7 +128,7 @@ static void set_attribute(tc_splat_look *m, const tc_scene *scene) {
   m->added = m->attribute->type == TC_VMD_NORMAL ? ADDS_NORMALS : strcmp(name, "label") == 0 ? ADDS_PALETTE : ADDS_NONE;
 }
 
-static void set_table(tc_splat_look *m, const tc_scene *scene, bool solid) {
+static void set_table(tc_splat_appearance *m, const tc_scene *scene, bool solid) {
   set_nodes(m, scene, solid);
   if (m->added == ADDS_PALETTE) set_palette(m, scene);
   if (m->added == ADDS_NORMALS) set_normals(m, scene);
@@ -143,13 +143,13 @@ static bool has_one_color(const tc_frame_job *job) {
   return (!name[0] || strcmp(name, "color") == 0) && !job->have.labels;
 }
 
-bool tc_splat_look_make(const tc_frame_job *job, tc_splat_look **made, GError **error) {
+bool tc_splat_appearance_make(const tc_frame_job *job, tc_splat_appearance **made, GError **error) {
   static const int more[] = {[ADDS_PALETTE] = TC_VMD_PALETTE, [ADDS_NORMALS] = NORMAL_SIDE * NORMAL_SIDE};
   *made = NULL;
   if (has_one_color(job) && job->scene->splat.opaque) return true;
-  tc_splat_look *m = calloc(1, sizeof *m);
+  tc_splat_appearance *m = calloc(1, sizeof *m);
   if (m) {
-    *m = (tc_splat_look){.volume = job->have.labels ? job->label_volume : job->source,
+    *m = (tc_splat_appearance){.volume = job->have.labels ? job->label_volume : job->source,
                          .labels = job->have.labels,
                          .model = tc_volume_model(job->source)};
     set_attribute(m, job->scene);
@@ -157,7 +157,7 @@ bool tc_splat_look_make(const tc_frame_job *job, tc_splat_look **made, GError **
     m->table = calloc((size_t)m->n, sizeof *m->table);
   }
   if (!m || !m->table) {
-    tc_splat_look_free(m);
+    tc_splat_appearance_free(m);
     tc_set_error(error, TC_ERROR_MEMORY, NULL, "splats: out of memory");
     return false;
   }
@@ -169,17 +169,17 @@ bool tc_splat_look_make(const tc_frame_job *job, tc_splat_look **made, GError **
   return true;
 }
 
-void tc_splat_look_free(tc_splat_look *m) {
+void tc_splat_appearance_free(tc_splat_appearance *m) {
   if (m) free(m->table);
   free(m);
 }
 
-const float (*tc_splat_look_table(const tc_splat_look *m, int *n))[4] {
+const float (*tc_splat_appearance_table(const tc_splat_appearance *m, int *n))[4] {
   *n = m->n;
   return (const float(*)[4])m->table;
 }
 
-uint64_t tc_splat_look_of(const tc_splat_look *m) {
+uint64_t tc_splat_appearance_key(const tc_splat_appearance *m) {
   return m->attribute ? 1 + (uint64_t)(m->attribute - m->model->head.attributes) : 0;
 }
 
@@ -195,11 +195,11 @@ bool tc_splat_mode_draw(tc_pool *pool, const tc_frame_job *job, GError **error) 
                          .want_linear = job->want_linear,
                          .want_depth = job->plan->depth,
                          .counts = &counts};
-  tc_splat_look *look;
-  if (!tc_splat_look_make(job, &look, error)) return false;
-  if (look) splats.matter = (tc_splat_matter){matter_of, fetch_ahead, look};
+  tc_splat_appearance *appearance;
+  if (!tc_splat_appearance_make(job, &appearance, error)) return false;
+  if (appearance) splats.material = (tc_splat_material){color_and_extinction, prefetch_voxel, appearance};
   const bool drawn = tc_splat_draw(&splats, error);
   job->frame->stats.samples += counts.depths + counts.drawn;
-  tc_splat_look_free(look);
+  tc_splat_appearance_free(appearance);
   return drawn;
 }

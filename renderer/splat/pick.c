@@ -7,7 +7,7 @@
 #include "renderer/raycast/rays.h"
 #include "renderer/splat/splatter.h"
 
-#define MOST_WIDER 8 /* voxels: most that a core is widened to a pixel's width */
+#define MOST_WIDER 8 /* voxels: limit on the widening of a core to a pixel's width */
 #define WIDEST (MOST_WIDER + 2.0)
 
 /* A ray in index coordinates: at + t * along, t in mm from the eye. */
@@ -15,12 +15,12 @@ typedef struct pick {
   const tc_volume *volume;
   const tc_scene *scene;
   const int *dims;
-  bool labels; /* the volume's values are */
+  bool labels; /* the volume is a label map */
   double at[3], along[3];
-  double pixel[2];         /* in perspective from the picture's middle; else 0, since the ray passes through it */
-  double from, to;         /* mm within the volume's box, widened by what a core can be */
-  tc_splat_frame frame;    /* its kernels */
-  tc_vmd_subject *subject; /* NULL: of labels and run-length models, whose normals are those of what is filled */
+  double pixel[2];         /* perspective: pixel position from the picture's middle; orthographic: 0, the ray starts at the pixel */
+  double from, to;         /* range of t within the volume's box, widened by the largest core */
+  tc_splat_frame frame;
+  tc_vmd_object *object; /* NULL: of labels and run-length models, whose normals are those of what is filled */
 } pick;
 
 static void set_ray(pick *p, const double at[2]) {
@@ -57,14 +57,14 @@ static bool is_filled(const pick *p, double value) {
   return value > 0 && shown;
 }
 
-/* Beyond the grid: as at its side. */
+/* Beyond the grid: the value at its nearest side. */
 static bool filled_at(const pick *p, const int voxel[3], double *value) {
   double at[3];
   for (int k = 0; k < 3; k++) at[k] = MIN(MAX(voxel[k], 0), p->dims[k] - 1);
   return tc_volume_value_at(p->volume, at, value) && is_filled(p, *value);
 }
 
-/* Whether some face is free, and opposite ones are not: what is inside is drawn as it is, and so is what is thin. */
+/* True if a face is free but no two opposite ones: a surface, neither interior nor thin. */
 static bool is_surface(const pick *p, const int voxel[3]) {
   double value;
   int faces = 0;
@@ -78,7 +78,7 @@ static bool is_surface(const pick *p, const int voxel[3]) {
   return faces > 0;
 }
 
-/* The normal of what is filled around the voxel. */
+/* Normal and distance of the surface from the 5x5x5 voxels around a voxel. */
 static double filled_normal(const pick *p, const int voxel[3], double normal[3]) {
   int sum[3] = {0}, filled = 0;
   for (int i = 0; i < 125; i++) {
@@ -91,42 +91,42 @@ static double filled_normal(const pick *p, const int voxel[3], double normal[3])
   return tc_splats_filled_normal(tc_volume_describe(p->volume), sum, filled, normal);
 }
 
-/* The normal and the surface's distance along it that the voxel's splat has (find_normal() of splats.c). */
+/* Normal and inset distance of the voxel's splat: find_normal() of splats.c. */
 static double normal_of(const pick *p, const int voxel[3], double normal[3]) {
   double own[3] = {0}, inset = -1;
-  if (p->subject) inset = tc_vmd_normal_at(p->subject, voxel[0], voxel[1], voxel[2], own);
+  if (p->object) inset = tc_vmd_normal_at(p->object, voxel[0], voxel[1], voxel[2], own);
   if (inset < 0) inset = fmax(filled_normal(p, voxel, normal), 0);
-  if (!p->subject && !p->labels) tc_vmd_own_normal(tc_volume_model(p->volume), voxel[0], voxel[1], voxel[2], own);
+  if (!p->object && !p->labels) tc_vmd_own_normal(tc_volume_model(p->volume), voxel[0], voxel[1], voxel[2], own);
   if (dot3(own, own) > 0) memcpy(normal, own, sizeof own);
   return dot3(normal, normal) > 0 ? inset : -1;
 }
 
-/* A surface's kernel as set_shape() of shape_tmpl.h has it: how flat along which axis, and how far it moves along it.
- * False: a ball; thin voxels count as balls, which are easier to hit. */
+/* Sets the axis, length along it, and offsets of the centre and the surface of a surface's kernel: set_shape() of shape_tmpl.h.
+ * False: the kernel is a ball. Thin voxels are treated as balls, which are easier to hit. */
 static bool shape_of(const pick *p, const int voxel[3], double axis[3], double *flat, double move[2]) {
   const tc_splat_args *g = &p->frame.args;
   double n[3];
-  if (!(g->move > 0) || !is_surface(p, voxel)) return false;
+  if (!(g->shape_blend > 0) || !is_surface(p, voxel)) return false;
   const double inset = normal_of(p, voxel, n);
   if (inset < 0) return false;
   for (int k = 0; k < 3; k++)
     axis[k] = (double)g->covariant[k][0] * n[0] + (double)g->covariant[k][1] * n[1] + (double)g->covariant[k][2] * n[2];
   normalise3(axis);
-  *flat = 1 + ((double)TC_SPLAT_FLAT - 1) * (double)g->move;
-  move[1] = (double)g->move * fmin(inset, 1);
-  move[0] = move[1] - (double)(TC_SPLAT_FLAT * g->touch * g->move);
+  *flat = 1 + ((double)TC_SPLAT_FLAT - 1) * (double)g->shape_blend;
+  move[1] = (double)g->shape_blend * fmin(inset, 1);
+  move[0] = move[1] - (double)(TC_SPLAT_FLAT * g->core_radius * g->shape_blend);
   return true;
 }
 
-/* core_of() of shape_tmpl.h; `to` is the way from the eye. */
+/* core_of() of shape_tmpl.h; to: direction from the eye. */
 static double core_of(const double to[3], const double axis[3], double flat) {
   const double cosine = fabs(dot3(to, axis)) / sqrt(dot3(to, to)), aslant = (double)TC_SPLAT_ASLANT;
   const double most = fmax(fmin(flat / (double)TC_SPLAT_FLAT, 1), flat);
   return flat + (most - flat) * fmin(fmax((cosine - aslant) / aslant, 0), 1);
 }
 
-/* A core on the picture, as project() of tile_tmpl.h has it: `to` is its middle and `axis` where it is flat, in index
- * coordinates, from the eye (in parallel projection from where the ray starts). False: it does not hold the pixel's middle. */
+/* True if a kernel's core covers the pixel's centre: project() of tile_tmpl.h. to: the kernel's centre in index coordinates, relative
+ * to the eye (orthographic: to the start of the ray). */
 static bool holds(const pick *p, const double to[3], const double axis[3], double flat) {
   const tc_splat_args *g = &p->frame.args;
   double view[3] = {0}, off[2], xx = 0, yy = 0, xy = 0, area = 0, rows[2][3];
@@ -145,22 +145,22 @@ static bool holds(const pick *p, const double to[3], const double axis[3], doubl
     const double across = rows[0][l] * rows[1][k] - rows[0][k] * rows[1][l];
     xx += rows[0][k] * rows[0][k], yy += rows[1][k] * rows[1][k], xy += rows[0][k] * rows[1][k], area += across * across;
   }
-  const double size = (double)g->radius2, least = (double)g->least2;
+  const double size = (double)g->radius2, least = (double)g->pixel_radius2;
   const double whole = area * size * size + least * ((xx + yy) * size + least);
   const double q = (yy * size + least) * off[0] * off[0] - 2 * xy * size * off[0] * off[1] + (xx * size + least) * off[1] * off[1];
-  return q <= (double)g->core * whole;
+  return q <= (double)g->core2 * whole;
 }
 
-/* but: a plane that does not count; -1: all do. */
-static bool kept_by_planes(const pick *p, const double at[3], int but) {
+/* except: index of a plane to ignore, or -1. */
+static bool kept_by_planes(const pick *p, const double at[3], int except) {
   const tc_splat_args *g = &p->frame.args;
   for (int i = 0; i < g->n_planes; i++)
-    if (i != but && dot3(g->planes[i], at) + g->planes[i][3] < 0) return false;
+    if (i != except && dot3(g->planes[i], at) + g->planes[i][3] < 0) return false;
   return true;
 }
 
-/* Whether plane i cuts off a neighbour of the voxel, and the ray meets the plane where the face of the cut is: within the other
- * planes, and no further than `out` along the axis from the voxel. */
+/* True if the ray hits the voxel's cut face on plane i: a neighbour of the voxel is clipped by the plane, and the hit is kept by the
+ * other planes and lies at most `out` along the axis from the voxel. */
 static bool meets_face(const pick *p, const int voxel[3], int i, const double axis[3], double out) {
   const double *const plane = p->frame.args.planes[i];
   const double at[3] = {voxel[0], voxel[1], voxel[2]}, away = dot3(plane, at) + plane[3];
@@ -171,25 +171,25 @@ static bool meets_face(const pick *p, const int voxel[3], int i, const double ax
   return kept_by_planes(p, on, i) && !(dot3(axis, from) > out);
 }
 
-/* Whether planes leave the voxel and lay it open where the ray passes. out: where its surface is along the axis. */
-static bool is_laid_open(const pick *p, const int voxel[3], const double axis[3], double out) {
+/* True if the ray hits a cut face of the voxel. out: distance of the surface along the axis. */
+static bool hits_cut_face(const pick *p, const int voxel[3], const double axis[3], double out) {
   bool open = false;
   for (int i = 0; i < p->frame.args.n_planes; i++) open |= meets_face(p, voxel, i, axis, out);
   return open && kept_by_planes(p, (double[]){voxel[0], voxel[1], voxel[2]}, -1);
 }
 
-/* Whether planes leave what the ray meets of the voxel: of a surface that faces the eye, `out` along the axis from it, a part
- * (cut_tmpl.h). to: from where the ray starts to the voxel. */
-static bool is_left(const pick *p, const int voxel[3], const double to[3], bool shaped, const double axis[3], double out) {
+/* True if the planes keep the part of the voxel's kernel that the ray hits; on a surface that faces the eye, `out` along the axis, the
+ * planes clip per pixel (cut_tmpl.h). to: from the start of the ray to the voxel. */
+static bool is_kept(const pick *p, const int voxel[3], const double to[3], bool shaped, const double axis[3], double out) {
   const double facing = dot3(axis, p->along);
   if (!p->frame.args.n_planes) return true;
   if (!shaped || facing > -0.1 * length3(p->along)) return kept_by_planes(p, (double[]){voxel[0], voxel[1], voxel[2]}, -1);
   double at[3];
   for (int k = 0; k < 3; k++) at[k] = p->at[k] + (dot3(axis, to) + out) / facing * p->along[k];
-  return kept_by_planes(p, at, -1) || is_laid_open(p, voxel, axis, out / fmax((double)p->frame.args.move, 1e-3));
+  return kept_by_planes(p, at, -1) || hits_cut_face(p, voxel, axis, out / fmax((double)p->frame.args.shape_blend, 1e-3));
 }
 
-/* Whether a plane that faces the eye cuts off `next`, a neighbour of the voxel. */
+/* True if a plane that faces the eye clips `next`, a neighbour of the voxel. */
 static bool faces_a_cut(const pick *p, const int next[3], const double to_eye[3]) {
   const double at[3] = {next[0], next[1], next[2]};
   bool any = false;
@@ -200,19 +200,19 @@ static bool faces_a_cut(const pick *p, const int next[3], const double to_eye[3]
   return any;
 }
 
-/* Whether the voxel has a splat that the eye sees, as project() of tile_tmpl.h has it: that shows a face, a free one or one that planes
- * lay open, or whose surface faces the eye. front: the surface does, or is unknown. */
+/* True if the voxel's splat faces the eye: project() of tile_tmpl.h. A free face or a cut face faces the eye, or the surface does.
+ * front: the surface faces the eye or is unknown. */
 static bool is_seen(const pick *p, const int voxel[3], const double to_eye[3], bool front) {
   const int brick[3] = {voxel[0] / TC_SPLAT_BRICK, voxel[1] / TC_SPLAT_BRICK, voxel[2] / TC_SPLAT_BRICK};
-  const unsigned aslant = p->frame.args.move > 0 ? tc_splat_aslant(p->frame.eye, brick) : 0;
+  const unsigned aslant = p->frame.args.shape_blend > 0 ? tc_splat_aslant(p->frame.eye, brick) : 0;
   const bool kept = kept_by_planes(p, (double[]){voxel[0], voxel[1], voxel[2]}, -1);
   for (int face = 0; face < 6; face++) {
-    const int k = face / 2, way = face & 1 ? 1 : -1;
-    const bool shows = to_eye[k] * way > 0.5;
+    const int k = face / 2, side = face & 1 ? 1 : -1;
+    const bool shows = to_eye[k] * side > 0.5;
     int next[3] = {voxel[0], voxel[1], voxel[2]};
     double value;
     if (!shows && !(aslant >> face & 1)) continue;
-    next[k] += way;
+    next[k] += side;
     if (shows && (next[k] < 0 || next[k] == p->dims[k])) return true; /* the grid's side cuts it */
     if ((shows || front) && !filled_at(p, next, &value)) return true;
     if (!kept || kept_by_planes(p, (double[]){next[0], next[1], next[2]}, -1)) continue;
@@ -221,8 +221,8 @@ static bool is_seen(const pick *p, const int voxel[3], const double to_eye[3], b
   return false;
 }
 
-/* Whether the voxel is drawn and its core holds the pixel's middle. *value: the voxel's; *t: distance of its drawn position,
- * mm. */
+/* True if the voxel's splat is drawn and its core covers the pixel's centre. Sets the voxel's value and the distance of the drawn
+ * surface, mm. */
 static bool meets(const pick *p, const int voxel[3], double *t, double *value) {
   const tc_splat_args *g = &p->frame.args;
   double axis[3] = {0}, flat = 1, move[2] = {0}, from[3], to[3], to_eye[3], deep = 0, deeper = 0, near = 0;
@@ -231,7 +231,7 @@ static bool meets(const pick *p, const int voxel[3], double *t, double *value) {
   const bool shaped = shape_of(p, voxel, axis, &flat, move);
   if (g->opaque && !is_seen(p, voxel, to_eye, !shaped || dot3(axis, to_eye) > 0)) return false;
   if (shaped) flat = core_of(g->perspective ? from : p->along, axis, flat);
-  if (!is_left(p, voxel, from, shaped, axis, move[1])) return false;
+  if (!is_kept(p, voxel, from, shaped, axis, move[1])) return false;
   for (int k = 0; k < 3; k++) {
     to[k] = from[k] + move[0] * axis[k];
     near += (double)g->axis[2][k] * to[k];
@@ -241,14 +241,14 @@ static bool meets(const pick *p, const int voxel[3], double *t, double *value) {
   return *t > 0 && near > 0 && holds(p, to, axis, flat);
 }
 
-/* How far from the ray, where it is t mm from the eye, voxels' middles can be whose cores hold the pixel's middle. */
+/* Largest distance from the ray, at t mm from the eye, of voxels whose cores cover the pixel's centre. */
 static double reach_at(const pick *p, double t) {
   const tc_splat_args *g = &p->frame.args;
   const double *spacing = tc_volume_describe(p->volume)->spacing;
   double deep = 0;
   for (int k = 0; k < 3; k++) deep += fmax(t, 0) * (double)g->axis[2][k] * p->along[k];
   const double pixel = (g->perspective ? deep : 1) / (double)g->scale / fmin(spacing[0], fmin(spacing[1], spacing[2]));
-  return (double)(g->touch + g->move) + fmin(sqrt((double)(g->least2 * g->core)) * pixel, MOST_WIDER);
+  return (double)(g->core_radius + g->shape_blend) + fmin(sqrt((double)(g->pixel_radius2 * g->core2)) * pixel, MOST_WIDER);
 }
 
 /* Tests the voxels within reach of the ray's position at t; updates the hit by nearer ones. */
@@ -277,7 +277,7 @@ bool tc_splat_pick(const tc_volume *of, const tc_volume *labels, const tc_scene 
   *hit = (tc_splat_hit){.distance_mm = INFINITY};
   if (!tc_splat_frame_begin(&p.frame, &job, NULL)) return false;
   if (!labels && !tc_volume_sparse(volume))
-    p.subject = tc_vmd_subject_new(volume, scene->splat.threshold[0], scene->splat.threshold[1]);
+    p.object = tc_vmd_object_new(volume, scene->splat.threshold[0], scene->splat.threshold[1]);
   set_ray(&p, at);
   const double voxels_a_mm = length3(p.along);
   /* Steps of a reach: voxels that far from the ray are within 1.12 of it from a step. A nearer hit may be found up to a
@@ -286,7 +286,7 @@ bool tc_splat_pick(const tc_volume *of, const tc_volume *labels, const tc_scene 
     reach = reach_at(&p, t);
     look_around(&p, t, 1.12 * reach, hit);
   }
-  tc_vmd_subject_free(p.subject);
+  tc_vmd_object_free(p.object);
   tc_splat_frame_end(&p.frame);
   if (!isfinite(hit->distance_mm)) return false;
   tc_volume_index_to_lps(volume, (double[]){hit->voxel[0], hit->voxel[1], hit->voxel[2]}, hit->position);

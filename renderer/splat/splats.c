@@ -1,4 +1,4 @@
-#include "renderer/splat/pile.h"
+#include "renderer/splat/builder.h"
 
 #include <stdatomic.h>
 #include <stdlib.h>
@@ -7,13 +7,13 @@
 #include "renderer/base/vector.h"
 #include "renderer/splat/normal.h"
 
-#define REACH 2                           /* voxels beside a brick that normals look at */
-#define ACROSS (TC_SPLAT_BRICK + 2 * REACH) /* columns of a brick and beside it, along x and along y */
+#define REACH 2                           /* voxels beside a brick that its normals depend on */
+#define ACROSS (TC_SPLAT_BRICK + 2 * REACH) /* columns of a brick and its surroundings, along x and along y */
 
-/* The columns of the bricks of one x and y, and beside them. */
+/* The columns of the bricks with one x and y, and their surroundings, as bits. */
 typedef struct block {
-  uint64_t *bits;     /* [ACROSS][words][ACROSS]: what is filled, rows of y and z of x */
-  int x0, from, to;   /* its first column; voxels from..to - 1 along z hold all that is filled */
+  uint64_t *bits;     /* [y: ACROSS][z: words][x: ACROSS] filled voxels */
+  int x0, from, to;   /* x of the first column; all filled voxels have z in from..to - 1 */
 } block;
 
 typedef struct building {
@@ -23,14 +23,14 @@ typedef struct building {
   tc_splat_curve curve;
   int words;
   block *blocks; /* [threads] */
-  tc_splat_pile *piles;   /* [layers] */
+  tc_splat_builder *builders;   /* [layers] */
   const tc_halt *halt;
-  atomic_bool left;
+  atomic_bool halted;
   atomic_uint sides;
-  atomic_uint_fast64_t total; /* words of all piles */
+  atomic_uint_fast64_t total; /* splats in all builders */
 } building;
 
-/* Beyond the grid's last voxel a run goes on as far as normals look. */
+/* Voxels by which a run is continued beyond the grid's last voxel, for normals. */
 static int beyond_grid(const building *b, int z) { return z == b->model->head.grid.dims[2] ? REACH : 0; }
 
 static void set_bits(uint64_t *column, size_t stride, int z, int count) {
@@ -41,7 +41,8 @@ static void set_bits(uint64_t *column, size_t stride, int z, int count) {
   }
 }
 
-/* What the block held is cleared first: it costs what is filled, not the grid. Columns beyond the grid are the nearest within. */
+/* Reads the columns of a block; only the range of the previous block's filled voxels is cleared. Columns beyond the grid are copies
+ * of the nearest ones within. */
 static void read_block(const building *b, int bx, int by, block *to) {
   const size_t row = (size_t)b->words * ACROSS, first = (size_t)(to->from / 64) * ACROSS;
   for (int r = 0; r < ACROSS && to->from < to->to; r++)
@@ -60,34 +61,35 @@ static void read_block(const building *b, int bx, int by, block *to) {
     }
 }
 
-/* Of a row, bits z .. z + 15 of column x (z a multiple of 16) from bit 0, the neighbours' on either side of them. */
+/* A row of columns. */
 typedef struct window {
   const uint64_t *bits;
-  int x0, words; /* its first column */
+  int x0, words; /* x of the first column; words along z */
 } window;
 
+/* Bits z .. z + 15 of column x; z is a multiple of 16. */
 static uint64_t slice(const window *w, int x, int z) {
   if (z < 0) return slice(w, x, 0) & 1 ? 0xffff : 0;
   if (z >= w->words * 64) return 0;
   return w->bits[(size_t)(z / 64) * ACROSS + (size_t)(x - w->x0)] >> z % 64 & 0xffff;
 }
 
-/* 20 bits: z - 2 .. z + 17. */
+/* Bits z - 2 .. z + 17 of column x. */
 static uint32_t wide_slice(const window *w, int x, int z) {
   return (uint32_t)(slice(w, x, z) << 2 | slice(w, x, z - 16) >> 14 | (slice(w, x, z + 16) & 3) << 18);
 }
 
-#define CUT_AREA 28 /* of a 5x5x5 cube by a plane near its middle: 25 to 32.5 */
+#define CUT_AREA 28 /* area in which a plane near the middle cuts a 5x5x5 cube: 25 to 32.5 */
 
 double tc_splats_filled_normal(const tc_volume_desc *grid, const int sum[3], int filled, double normal[3]) {
   tc_splat_to_lps(grid, (double[]){sum[0], sum[1], sum[2]}, normal);
   return (filled - 62.5) / CUT_AREA;
 }
 
-/* A voxel, and the bits of its row of columns; those of the rows beside it are before and behind. */
+/* A voxel and its row of columns; the neighbouring rows lie before and behind it in memory. */
 typedef struct place {
   const uint64_t *row;
-  int x0; /* the row's first column */
+  int x0; /* x of the row's first column */
   int at[3];
 } place;
 
@@ -95,8 +97,7 @@ static window window_of(const building *b, const place *p, int dy) {
   return (window){p->row + (ptrdiff_t)dy * b->words * ACROSS, p->x0, b->words};
 }
 
-/* The free side of the 5x5x5 voxels around one: minus the sum of places that are filled; and how far away the surface
- * is, were it a plane, by how many are. */
+/* Normal and distance of the surface from the 5x5x5 voxels around a voxel: tc_splats_filled_normal(). */
 static double normal_of_filled(const building *b, const place *p, double normal[3]) {
   const int x = p->at[0], z = p->at[2];
   int sum[3] = {0}, filled = 0;
@@ -112,7 +113,7 @@ static double normal_of_filled(const building *b, const place *p, double normal[
   return tc_splats_filled_normal(&b->model->head.grid, sum, filled, normal);
 }
 
-/* Filled ones of a voxel's 26 neighbours, as steps from it. */
+/* Offsets of the filled ones of a voxel's 26 neighbours; returns their number. */
 static int neighbours_of(const building *b, const place *p, double steps[26][3]) {
   const int x = p->at[0], z = p->at[2];
   int n = 0;
@@ -126,7 +127,7 @@ static int neighbours_of(const building *b, const place *p, double steps[26][3])
   return n;
 }
 
-/* The direction in which steps go furthest (power iteration on the sum of their squares); returns its share. */
+/* Main direction of the offsets (power iteration on their second moments); returns its share of the sum of squares. */
 static double main_direction(const double steps[26][3], int n, double along[3]) {
   double total = 0, most = 0, share = 0;
   for (int i = 0; i < n; i++) {
@@ -149,8 +150,8 @@ static double main_direction(const double steps[26][3], int n, double along[3]) 
   return share;
 }
 
-/* What a thin voxel is part of, and the direction of a line in the normal's place. Distances along any normal are 1
- * / 1.4 of a line's radius in the mean. */
+/* Inset of a thin voxel (tc_splat_thin); replaces the normal of a line by its direction. distance: of the surface along the normal,
+ * on average 1 / 1.4 of a line's radius. */
 static uint8_t thin_inset(const building *b, const place *p, double distance, double normal[3]) {
   double steps[26][3], along[3], back = 0, on = 0;
   const int n = neighbours_of(b, p, steps);
@@ -169,19 +170,19 @@ static uint8_t thin_inset(const building *b, const place *p, double distance, do
   return (uint8_t)(what << 6 | lround(10 * across - 3) << 3 | lround(7 / TC_SPLAT_LONG * fmin(on_by, TC_SPLAT_LONG)));
 }
 
-/* Returns the surface's distance along it; below 0: unknown. */
+/* Sets the normal of a surface voxel. Returns the surface's distance along it; negative: unknown. */
 static double find_normal(const building *b, const place *p, unsigned faces, double normal[3]) {
   double inset = -1, rough[3];
   if (b->normals.of) inset = b->normals.of(b->normals.user, p->at[0], p->at[1], p->at[2], normal);
   if (inset < 0) inset = normal_of_filled(b, p, b->normals.of ? rough : normal);
   if (normal[0] * normal[0] + normal[1] * normal[1] + normal[2] * normal[2] > 0) return inset;
-  const int face = __builtin_ctz(faces); /* no side has less than another: that of any free face */
+  const int face = __builtin_ctz(faces); /* symmetrical surroundings: the direction of any free face */
   for (int r = 0; r < 3; r++) normal[r] = (face & 1 ? 1 : -1) * b->model->head.grid.direction[3 * r + face / 2];
   return inset;
 }
 
-/* Sixteen voxels of a column, from `first` on. */
-static void add_slice(const building *b, const tc_splat_pile *to, const place *first) {
+/* Adds the splats of sixteen voxels of a column, from `first` on. */
+static void add_slice(const building *b, const tc_splat_builder *to, const place *first) {
   const int x = first->at[0], z = first->at[2], within = MIN(b->model->head.grid.dims[2] - z, TC_SPLAT_BRICK);
   const window here = window_of(b, first, 0), before = window_of(b, first, -1), behind = window_of(b, first, 1);
   const uint32_t wide = wide_slice(&here, x, z), filled = wide >> 2 & ((1u << within) - 1);
@@ -205,7 +206,7 @@ static void add_slice(const building *b, const tc_splat_pile *to, const place *f
   }
 }
 
-static void build_brick(const building *b, const block *from, const int brick[3], const tc_splat_pile *to) {
+static void build_brick(const building *b, const block *from, const int brick[3], const tc_splat_builder *to) {
   const int *dims = b->model->head.grid.dims, x0 = brick[0] * TC_SPLAT_BRICK, y0 = brick[1] * TC_SPLAT_BRICK;
   tc_splat_begin_brick(to, brick);
   for (int y = y0; y < MIN(y0 + TC_SPLAT_BRICK, dims[1]); y++) {
@@ -220,8 +221,8 @@ static void build_brick(const building *b, const block *from, const int brick[3]
 
 static void build_layer(void *context, int layer, int worker) {
   building *b = context;
-  const int *first = b->model->first, *size = b->model->size; /* where columns are */
-  const tc_splat_pile p = b->piles[layer] = tc_splat_pile_new();
+  const int *first = b->model->first, *size = b->model->size; /* rectangle of the stored columns */
+  const tc_splat_builder p = b->builders[layer] = tc_splat_builder_new();
   if (layer * TC_SPLAT_BRICK >= first[1] + size[1] || (layer + 1) * TC_SPLAT_BRICK <= first[1]) return;
   block *from = &b->blocks[worker];
   for (int bx = first[0] / TC_SPLAT_BRICK; bx * TC_SPLAT_BRICK < first[0] + size[0]; bx++) {
@@ -229,12 +230,12 @@ static void build_layer(void *context, int layer, int worker) {
     atomic_fetch_or(&b->sides, (from->from == 0) << 4 | (from->to > b->model->head.grid.dims[2]) << 5);
     for (int bz = from->from / TC_SPLAT_BRICK; bz * TC_SPLAT_BRICK < MIN(from->to, b->model->head.grid.dims[2]); bz++) {
       if (tc_halt_within(b->halt)) {
-        atomic_store(&b->left, true);
+        atomic_store(&b->halted, true);
         return;
       }
       const guint before = p.words->len;
       build_brick(b, from, (int[]){bx, layer, bz}, &p);
-      if (atomic_fetch_add(&b->total, p.words->len - before) > TC_SPLAT_MOST) return; /* refused by tc_splat_join() */
+      if (atomic_fetch_add(&b->total, p.words->len - before) > TC_SPLAT_MOST) return; /* tc_splat_join() refuses them */
     }
   }
 }
@@ -251,22 +252,22 @@ tc_splats *tc_splats_build(const tc_vmd *model, tc_splat_normals normals, bool e
                 .halt = tc_pool_halt(pool)};
   const tc_vmd_attribute *own = tc_vmd_attribute_named(&model->head, "normal");
   if (!normals.of && own && own->type == TC_VMD_NORMAL) b.normals = (tc_splat_normals){tc_vmd_own_normal, model};
-  bool good = (b.piles = calloc((size_t)layers, sizeof *b.piles)) && (b.blocks = calloc((size_t)threads, sizeof *b.blocks));
+  bool good = (b.builders = calloc((size_t)layers, sizeof *b.builders)) && (b.blocks = calloc((size_t)threads, sizeof *b.blocks));
   for (int i = 0; i < threads && good; i++)
     good = (b.blocks[i].bits = calloc((size_t)b.words * ACROSS * ACROSS, sizeof *b.blocks->bits)) != NULL;
   tc_splats *s = NULL;
   if (!good)
     tc_set_error(error, TC_ERROR_MEMORY, NULL, "splats: out of memory");
-  else if (!tc_pool_run(pool, layers, build_layer, &b) || atomic_load(&b.left))
+  else if (!tc_pool_run(pool, layers, build_layer, &b) || atomic_load(&b.halted))
     tc_halt_say(tc_pool_halt(pool), error);
   else
-    s = tc_splat_join(b.piles, layers, error);
-  for (int k = 0; k < 2 && s; k++) /* columns between the first and the last along an axis */
+    s = tc_splat_join(b.builders, layers, error);
+  for (int k = 0; k < 2 && s; k++)
     s->sides |= (uint8_t)((model->first[k] == 0) << 2 * k | (model->first[k] + model->size[k] == dims[k]) << (2 * k + 1));
   if (s) s->sides |= (uint8_t)atomic_load(&b.sides);
-  for (int i = 0; b.piles && i < layers; i++) tc_splat_pile_free(b.piles[i]);
+  for (int i = 0; b.builders && i < layers; i++) tc_splat_builder_free(b.builders[i]);
   for (int i = 0; b.blocks && i < threads; i++) free(b.blocks[i].bits);
-  free(b.piles);
+  free(b.builders);
   free(b.blocks);
   return s;
 }

@@ -1,43 +1,43 @@
-/* What clip planes lay open of a voxel model: splats of the cuts' faces, and the surfaces that end the faces. */
-#include "renderer/splat/pile.h"
+/* Cut faces: splats of the voxels that clip planes expose, and the object's surfaces at which the faces end. */
+#include "renderer/splat/builder.h"
 
 #include <stdlib.h>
 #include <string.h>
 
 #include "renderer/base/vector.h"
 
-#define MOST_FACES 4 /* of a voxel: where more planes meet there is little of any */
+#define MOST_FACES 4 /* cut faces of a voxel; where more planes meet, each face is small */
 
 typedef struct cutting {
   const tc_vmd *model;
   const double (*planes)[4];
   int n_planes;
-  double reach[TC_SPLAT_MOST_PLANES]; /* of each plane: how far from it a kept voxel with a cut neighbour can be */
-  tc_splat_pile out;
+  double reach[TC_SPLAT_MOST_PLANES]; /* largest distance from each plane of a kept voxel with a clipped neighbour */
+  tc_splat_builder out;
   GArray *rims; /* of the splats in `out` */
-  const tc_splats *of;
-  tc_splat_brick read; /* the last one of them, and where and how many were read */
+  const tc_splats *of; /* the whole model's; the last brick read, its end in the packed bricks, and the number of bricks read: */
+  tc_splat_brick read;
   size_t next;
   uint32_t n_read;
-  uint32_t surface[TC_SPLAT_BRICK * TC_SPLAT_BRICK * TC_SPLAT_BRICK]; /* of a brick's voxels: words without positions, and insets */
+  uint32_t surface[TC_SPLAT_BRICK * TC_SPLAT_BRICK * TC_SPLAT_BRICK]; /* words of a brick's voxels, with insets in place of positions */
 } cutting;
 
-/* Lines and single voxels are drawn as cylinders and balls: their faces would be wider than they are. */
+/* Lines and single voxels are drawn as cylinders and balls and get no cut faces, which would be wider than they are. */
 static bool is_round(uint32_t surface) { return tc_splat_is_thin(surface >> 12 & 63) && (surface >> 6 & 3) != TC_SPLAT_SHEET; }
 
 static double distance(const double plane[4], int x, int y, int z) {
   return plane[0] * x + plane[1] * y + plane[2] * z + plane[3];
 }
 
-/* A plane that lays a voxel open. */
+/* A plane that exposes a voxel. */
 typedef struct opening {
   const double *plane;
   double at;      /* mm from the plane to the voxel */
-  unsigned faces; /* of the voxel, beyond which the plane cuts the neighbours off */
+  unsigned faces; /* faces whose neighbours the plane clips */
 } opening;
 
-/* The nearest planes that lay a voxel open, at most MOST_FACES of them; returns how many, and all their faces. None where the voxel
- * is cut off. */
+/* Finds the nearest planes that expose a voxel, at most MOST_FACES, and the faces of all such planes. Returns the number of planes; 0
+ * if the voxel itself is clipped. */
 static int find_openings(const cutting *c, int x, int y, int z, opening found[MOST_FACES], unsigned *faces) {
   int n = 0;
   *faces = 0;
@@ -55,7 +55,8 @@ static int find_openings(const cutting *c, int x, int y, int z, opening found[MO
   }
   return n;
 }
-/* A face in a plane; of voxels that planes lay open on opposite sides one for all, in the voxel's middle. */
+
+/* Adds a cut face on a plane; of a voxel exposed on opposite sides, a single one at the voxel's centre. */
 static void add_face(const cutting *c, const int at[3], const opening *o, unsigned faces) {
   const double *plane = o->plane;
   double normal[3];
@@ -63,7 +64,7 @@ static void add_face(const cutting *c, const int at[3], const opening *o, unsign
   tc_splat_add(&c->out, at, faces, normal, tc_splat_is_thin(faces) ? 0 : tc_splat_pack_distance(o->at / length3(plane)));
 }
 
-/* Voxels z0 .. z1 - 1 of a column are looked at where some plane is near. */
+/* Adds the cut faces of voxels z0 .. z1 - 1 of a column. */
 static void cut_run(cutting *c, int x, int y, int z0, int z1) {
   for (int z = z0; z < z1; z++) {
     opening found[MOST_FACES];
@@ -71,7 +72,7 @@ static void cut_run(cutting *c, int x, int y, int z0, int z1) {
     const int n = find_openings(c, x, y, z, found, &faces);
     if (!n) continue;
     const uint32_t place = (uint32_t)((x & 15) | (y & 15) << 4 | (z & 15) << 8), surface = c->surface[place];
-    if (is_round(surface)) { /* seen from the cut, too */
+    if (is_round(surface)) { /* visible from the side of the cut, too */
       tc_splat_add_word(&c->out, (surface & ~0xfffu) | faces << 12 | place, (uint8_t)surface);
       continue;
     }
@@ -80,7 +81,7 @@ static void cut_run(cutting *c, int x, int y, int z0, int z1) {
   }
 }
 
-/* Where along z from lo to hi plane i is within its reach; false: nowhere. */
+/* Narrows lo .. hi along z to the part within reach of plane i; false: empty. */
 static bool near_plane(const cutting *c, int i, int x, int y, int *lo, int *hi) {
   const double *p = c->planes[i], at = distance(p, x, y, 0);
   double from = *lo, to = *hi;
@@ -104,7 +105,7 @@ static void cut_column(cutting *c, int x, int y, int bz) {
     cut_run(c, x, y, MAX(run.z, from), MIN(run.z + run.count, to));
 }
 
-/* Whether any plane passes through the brick: all others are left alone. */
+/* True if a plane passes through the brick. */
 static bool meets_brick(const cutting *c, const int at[3]) {
   for (int i = 0; i < c->n_planes; i++) {
     double middle = c->planes[i][3], half = 0;
@@ -121,7 +122,7 @@ static bool comes_before(const int a[3], const int b[3]) {
   return a[1] != b[1] ? a[1] < b[1] : a[0] != b[0] ? a[0] < b[0] : a[2] < b[2];
 }
 
-/* Sets c->surface for a brick. Bricks are asked for in the order in which the whole model's splats list theirs. */
+/* Sets c->surface for a brick. Must be called for bricks in the order of the whole model's splats. */
 static void find_surface(cutting *c, const int at[3]) {
   const tc_splats *of = c->of;
   memset(c->surface, 0, sizeof c->surface);
@@ -133,10 +134,10 @@ static void find_surface(cutting *c, const int at[3]) {
   }
 }
 
-/* The bricks of one x and y, from the first voxel along z to the last. */
+/* Adds the cut faces in all bricks with one x and y. */
 static void cut_bricks(cutting *c, int bx, int by) {
   const int *dims = c->model->head.grid.dims, x0 = bx * TC_SPLAT_BRICK, y0 = by * TC_SPLAT_BRICK;
-  int range[2] = {dims[2], 0}; /* along z, of what is filled */
+  int range[2] = {dims[2], 0}; /* z of the filled voxels */
   for (int r = 0; r < TC_SPLAT_BRICK * TC_SPLAT_BRICK; r++)
     for (tc_vmd_run run = {.at = tc_vmd_column(c->model, x0 + r % TC_SPLAT_BRICK, y0 + r / TC_SPLAT_BRICK)}; tc_vmd_next(c->model, &run);)
       range[0] = MIN(range[0], run.z), range[1] = MAX(range[1], run.z + run.count);
@@ -156,7 +157,7 @@ static void cut_bricks(cutting *c, int bx, int by) {
   }
 }
 
-/* Whether any plane passes through any brick of one x and y. */
+/* True if a plane passes through any brick with this x and y. */
 static bool meets_bricks(const cutting *c, int bx, int by) {
   for (int i = 0; i < c->n_planes; i++) {
     const double *p = c->planes[i], depth = 0.5 * (c->model->head.grid.dims[2] - 1);
@@ -180,24 +181,24 @@ static bool add_rims(tc_splats *cut, const GArray *rims) {
 tc_splats *tc_splats_cut(const tc_vmd *model, const tc_splats *of, const double planes[][4], int n_planes, const tc_halt *halt,
                          GError **error) {
   const int *first = model->first, *size = model->size;
-  bool left = false;
-  cutting c = {.model = model, .of = of, .planes = planes, .n_planes = n_planes, .out = tc_splat_pile_new()};
+  bool halted = false;
+  cutting c = {.model = model, .of = of, .planes = planes, .n_planes = n_planes, .out = tc_splat_builder_new()};
   c.rims = g_array_new(FALSE, FALSE, sizeof(uint32_t));
   for (int i = 0; i < n_planes; i++)
     c.reach[i] = fmax(fabs(planes[i][0]), fmax(fabs(planes[i][1]), fabs(planes[i][2])));
-  for (int by = first[1] / TC_SPLAT_BRICK; by * TC_SPLAT_BRICK < first[1] + size[1] && !left; by++)
-    for (int bx = first[0] / TC_SPLAT_BRICK; bx * TC_SPLAT_BRICK < first[0] + size[0] && !left; bx++) {
-      left = tc_halt_within(halt);
+  for (int by = first[1] / TC_SPLAT_BRICK; by * TC_SPLAT_BRICK < first[1] + size[1] && !halted; by++)
+    for (int bx = first[0] / TC_SPLAT_BRICK; bx * TC_SPLAT_BRICK < first[0] + size[0] && !halted; bx++) {
+      halted = tc_halt_within(halt);
       if (meets_bricks(&c, bx, by)) cut_bricks(&c, bx, by);
     }
-  tc_splats *s = left ? NULL : tc_splat_join(&c.out, 1, error);
+  tc_splats *s = halted ? NULL : tc_splat_join(&c.out, 1, error);
   if (s && !add_rims(s, c.rims)) {
     tc_splats_free(s);
     s = NULL;
     tc_set_error(error, TC_ERROR_MEMORY, NULL, "splats: out of memory");
   }
-  if (left) tc_halt_say(halt, error);
-  tc_splat_pile_free(c.out);
+  if (halted) tc_halt_say(halt, error);
+  tc_splat_builder_free(c.out);
   g_array_unref(c.rims);
   return s;
 }

@@ -14,18 +14,18 @@
 
 #define LEAST_RADIUS2 0.51 /* a circle of this radius (squared, pixels) holds a pixel's centre wherever it is */
 #define KERNEL_FALL 3.0    /* exponent at the kernel's rim */
-#define FEW_AREA 1e-3      /* pixels a voxel: below, weights shrink with it, so that sums do not overflow */
-/* Kernels are balls, and their depths those of their voxels, in voxels of up to ROUND pixels; from there to SHAPED pixels they take
- * shapes and places of their own (shape_tmpl.h). Voxels that are larger than pixels show their normals' steps, too: from SMALL to
- * LARGE pixels the kernel's radius grows to SMOOTH voxels, or to MOST_PIXELS. What is covered does not grow: where no core is,
- * footprints are as before. */
+#define FEW_AREA 1e-3      /* pixels a voxel: below this area weights shrink with it, so that sums do not overflow */
+/* Where a voxel is up to ROUND pixels wide, kernels are balls at the depths of their voxels; from ROUND to SHAPED pixels they are
+ * blended into shapes of their own (shape_tmpl.h). Normals differ from voxel to voxel, which shows where voxels are larger than
+ * pixels: from SMALL to LARGE pixels the kernel's radius grows to SMOOTH voxels, or to MOST_PIXELS. The covered area does not
+ * grow: at pixels without a core footprints keep their size. */
 #define ROUND 1
 #define SHAPED 1.5
 #define SMALL 2
 #define LARGE 6
 #define SMOOTH 2
 #define MOST_PIXELS 100
-#define WINDOW 2.25 /* kernel radii: in less, slanted surfaces show the steps of their nearest cores */
+#define WINDOW 2.25 /* kernel radii: with less, slanted surfaces show the steps between their cores */
 
 typedef struct drawing {
   const tc_splat_job *job;
@@ -34,9 +34,10 @@ typedef struct drawing {
   double to_view[3][4]; /* view space from index coordinates */
   double eye[3];        /* index coordinates */
   double planes[TC_SPLAT_MOST_PLANES][4];
-  tc_splat_entry *entries; /* nearest first */
-  int n_entries, *layers;  /* translucent: entries by layers of bricks along an axis, and each layer's first */
-  int *met, *tile_first;   /* opaque: [tiles + 1] each tile's first of met[], the entries whose boxes meet it */
+  tc_splat_entry *entries; /* nearest first; translucent: sorted by layers of bricks along the sheets' axis */
+  int n_entries, *layers;  /* translucent: first entry of each layer */
+  int *tile_entries;       /* opaque: the entries whose boxes meet a tile, tile after tile */
+  int *tile_first;         /* [tiles + 1] each tile's first of tile_entries */
   tc_splat_tile *tiles;    /* [threads] */
   float *out;              /* [threads][TC_TILE][TC_TILE][4] */
   tc_resolve resolve;
@@ -64,7 +65,7 @@ int tc_splat_planes(const tc_volume *volume, const tc_scene *scene, unsigned sid
   return n;
 }
 
-/* Rows: to the right, down, forward; the same camera as raycast/rays.c has. */
+/* Rows: right, down, forward. The same camera as in raycast/rays.c. */
 static void view_axes(const tc_camera *camera, double rows[3][3]) {
   for (int k = 0; k < 3; k++) rows[2][k] = camera->target[k] - camera->position[k];
   normalise3(rows[2]);
@@ -123,7 +124,7 @@ static void set_blur(drawing *d) {
   const double radius = d->job->scene->splat.kernel_radius, s = BLUR * radius, cut = SUPPORT / BLUR;
   double to_index[9], rows[3][3];
   g->radius2 = (float)(SUPPORT * SUPPORT * radius * radius);
-  g->least2 = 2.25f; /* half a pixel of deviation */
+  g->pixel_radius2 = 2.25f; /* half a pixel of deviation */
   for (int i = 0; i < TC_WEIGHT_STEPS; i++)
     g->weights[i] = (uint8_t)lround(255 * exp(-0.5 * cut * cut * (i + 0.5) / TC_WEIGHT_STEPS));
   g->mass = (float)(1 / (255 * 2 * M_PI * s * s * (1 - exp(-0.5 * cut * cut))));
@@ -175,16 +176,16 @@ static void set_kernel(drawing *d) {
   const double wide = is_within(d) ? radius : grown_radius(radius, pixels, share);
   const double covered = fmax(TC_SPLAT_CORE, fmin(1, TC_SPLAT_CORE / radius)), core = covered * radius / wide;
   g->radius2 = (float)(wide * wide);
-  g->core_root = (float)core;
-  g->core = (float)(core * core);
-  g->least2 = (float)(LEAST_RADIUS2 / (core * core));
-  g->open = (float)(wide * wide / (radius * radius));
-  g->move = (float)fmin(fmax((mean - ROUND) / (SHAPED - ROUND), 0), 1);
-  g->touch = (float)(covered * radius);
+  g->core_share = (float)core;
+  g->core2 = (float)(core * core);
+  g->pixel_radius2 = (float)(LEAST_RADIUS2 / (core * core));
+  g->coreless_scale = (float)(wide * wide / (radius * radius));
+  g->shape_blend = (float)fmin(fmax((mean - ROUND) / (SHAPED - ROUND), 0), 1);
+  g->core_radius = (float)(covered * radius);
   for (int i = 0; i < TC_WEIGHT_STEPS; i++)
     g->weights[i] = (uint8_t)fmax(1, lround(most * footprint(scene->filter, (i + 0.5) / TC_WEIGHT_STEPS)));
   g->weights[TC_WEIGHT_STEPS] = 0;
-  g->full = g->weights[(int)(covered * covered * (TC_WEIGHT_STEPS - 1))];
+  g->full_weight = g->weights[(int)(covered * covered * (TC_WEIGHT_STEPS - 1))];
 }
 
 static void set_light(drawing *d) {
@@ -201,7 +202,7 @@ static void set_light(drawing *d) {
 
 /* ---- bricks ---- */
 
-/* Faces that every voxel of the brick shows, or (mixed) some do; and those that are aslant. */
+/* The faces of the brick's voxels that face the eye (mixed: not the same ones for every voxel), and aslant faces. */
 static void set_seen(const drawing *d, tc_splat_entry *e) {
   uint8_t all = 0, some = 0;
   for (int k = 0; k < 3; k++) {
@@ -211,17 +212,18 @@ static void set_seen(const drawing *d, tc_splat_entry *e) {
   }
   e->seen = some;
   e->mixed = all != some;
-  if (d->args.opaque && d->args.move > 0) e->aslant = tc_splat_aslant(d->eye, e->brick.at);
+  if (d->args.opaque && d->args.shape_blend > 0) e->aslant = tc_splat_aslant(d->eye, e->brick.at);
 }
 
-/* Whether a cut's brick has kernels that the object's surface ends, or lines and single voxels, which all planes cut. */
+/* True if a brick of cut faces has kernels that end at the object's surface, or lines and single voxels, which every plane
+ * clips. */
 static bool has_rims(const tc_splats *of, const tc_splat_brick *b) {
   bool any = false;
   for (uint32_t i = b->first; i < b->first + b->count && !any; i++) any = of->rims[i] != 0;
   return any;
 }
 
-/* False: clipped away as a whole. */
+/* False: the brick is clipped away. */
 static bool set_clipped(const drawing *d, tc_splat_entry *e) {
   bool away = false;
   for (int i = 0; i < d->args.n_planes; i++) {
@@ -231,20 +233,20 @@ static bool set_clipped(const drawing *d, tc_splat_entry *e) {
       middle += p[k] * (e->brick.at[k] * TC_SPLAT_BRICK + 7.5);
       half += fabs(p[k]) * 7.5;
     }
-    const double beyond = (double)d->args.beyond * length3(p);
+    const double beyond = (double)d->args.clip_reach * length3(p);
     e->planes |= (uint32_t)(middle - half < beyond + 1e-3) << i;
     away |= middle + half < -beyond;
   }
-  /* of a cut one plane is the face's */
-  e->clipped = e->of->cut ? d->args.move > 0 && (e->planes & (e->planes - 1) || has_rims(e->of, &e->brick)) : e->planes != 0;
+  /* one of a cut face's planes is its own */
+  e->clipped = e->of->cut ? d->args.shape_blend > 0 && (e->planes & (e->planes - 1) || has_rims(e->of, &e->brick)) : e->planes != 0;
   return e->of->cut || !away;
 }
 
-/* The box of pixels that hold all footprints; false: out of the picture. */
+/* The box of pixels that holds all footprints; false: outside the picture. */
 static bool set_box(const drawing *d, tc_splat_entry *e, const double middle[3], const double half[3], double size_mm) {
   const tc_splat_args *g = &d->args;
   const double size[2] = {d->job->frame->width, d->job->frame->height},
-               radius = sqrt((double)g->radius2) * tc_splat_longest(g) * size_mm;
+               radius = sqrt((double)g->radius2) * tc_splat_longest_kernel(g) * size_mm;
   double near = middle[2] - half[2], far = middle[2] + half[2];
   e->near_mm = (float)(near - 1e-4 * (fabs(near) + half[2]));
   for (int k = 0; k < 2; k++) e->box[k] = 0, e->box[2 + k] = (float)size[k];
@@ -258,8 +260,8 @@ static bool set_box(const drawing *d, tc_splat_entry *e, const double middle[3],
       lo = fmin(lo / near, lo / far), hi = fmax(hi / near, hi / far);
       stretch = (1 + fmax(fabs(lo), fabs(hi))) / near;
     }
-    const double reach = radius * (double)g->scale * stretch + sqrt((double)g->least2) + 0.5;
-    const double moved = (double)g->move * size_mm * (double)g->scale * stretch;
+    const double reach = radius * (double)g->scale * stretch + sqrt((double)g->pixel_radius2) + 0.5;
+    const double moved = (double)g->shape_blend * size_mm * (double)g->scale * stretch;
     e->reach = fmaxf(e->reach, (float)(reach + moved));
     e->box[k] = (float)(0.5 * size[k] + lo * (double)g->scale - reach);
     e->box[2 + k] = (float)(0.5 * size[k] + hi * (double)g->scale + reach);
@@ -269,7 +271,7 @@ static bool set_box(const drawing *d, tc_splat_entry *e, const double middle[3],
 }
 
 static bool enter(const drawing *d, const tc_splats *of, const tc_splat_brick *b, double size_mm, tc_splat_entry *e) {
-  const double reach = 7.5 + (double)d->args.move; /* voxels from its middle: splats move by one at most */
+  const double reach = 7.5 + (double)d->args.shape_blend; /* voxels from its middle: splats are moved by at most one */
   double middle[3], half[3];
   *e = (tc_splat_entry){.of = of, .brick = *b};
   for (int r = 0; r < 3; r++) {
@@ -289,8 +291,7 @@ static bool enter(const drawing *d, const tc_splats *of, const tc_splat_brick *b
   return (b->faces & (e->seen | e->aslant)) || !d->args.culling || !d->args.opaque;
 }
 
-/* The longest that a unit vector of index space can be, mm, or somewhat more where the axes are oblique (Gershgorin's
- * circles of A'A). */
+/* An upper bound, in mm, of the length of a unit vector of index space (Gershgorin's circle theorem for A'A). */
 static double longest_voxel(const drawing *d) {
   double most = 0;
   for (int i = 0; i < 3; i++) {
@@ -305,7 +306,7 @@ static double longest_voxel(const drawing *d) {
   return sqrt(most);
 }
 
-static void enter_all(drawing *d, const tc_splats *of, tc_splat_entry *entries, int *count) {
+static void add_entries(drawing *d, const tc_splats *of, tc_splat_entry *entries, int *count) {
   const double size_mm = longest_voxel(d);
   tc_splat_brick brick = {0};
   size_t from = 0;
@@ -315,7 +316,7 @@ static void enter_all(drawing *d, const tc_splats *of, tc_splat_entry *entries, 
   }
 }
 
-/* Nearest first, to a 4096th of the range: the order changes no bit, only how much is hidden early. */
+/* Nearest first, by a 4096th of the range. The order changes no bit, only how much is occluded early. */
 static void sort_entries(const tc_splat_entry *from, int count, tc_splat_entry *to) {
   enum { buckets = 4096 };
   int starts[buckets + 1] = {0};
@@ -334,8 +335,8 @@ static bool collect_entries(drawing *d, GError **error) {
   d->entries = malloc(most * sizeof *entries);
   bool good = entries && d->entries;
   if (good) {
-    enter_all(d, d->job->splats, entries, &d->n_entries);
-    enter_all(d, cut, entries, &d->n_entries);
+    add_entries(d, d->job->splats, entries, &d->n_entries);
+    add_entries(d, cut, entries, &d->n_entries);
     sort_entries(entries, d->n_entries, d->entries);
   } else {
     tc_set_error(error, TC_ERROR_MEMORY, NULL, "splats: out of memory");
@@ -346,7 +347,7 @@ static bool collect_entries(drawing *d, GError **error) {
 
 /* ---- tiles ---- */
 
-/* The entry's pixels in the tile; false: none. */
+/* The entry's box within the tile; false: empty. */
 static bool box_in_tile(const tc_splat_entry *e, const tc_splat_tile *t, int box[4]) {
   const float last[2] = {(float)(t->width - 1), (float)(t->height - 1)}, at[2] = {(float)t->x0, (float)t->y0};
   for (int k = 0; k < 2; k++) {
@@ -358,17 +359,17 @@ static bool box_in_tile(const tc_splat_entry *e, const tc_splat_tile *t, int box
   return true;
 }
 
-/* Translucent: the layers of bricks on one side of the eye, outwards; in each its sheets. False: halted. */
+/* Translucent: draws the sheets on one side of the eye, nearest first. False: halted. */
 static bool pass_sheets(const drawing *d, tc_splat_tile *t, int axis, int side) {
   const int n = tc_volume_describe(d->job->volume)->dims[axis], last = (n - 1) / TC_SPLAT_BRICK;
-  const int eye = (int)fmin(fmax(ceil(d->eye[axis]), 0), n); /* the first sheet that is not below it */
+  const int eye = (int)fmin(fmax(ceil(d->eye[axis]), 0), n); /* the first sheet not below the eye */
   int sheet = side > 0 ? eye : eye - 1;
   for (; sheet >= 0 && sheet / TC_SPLAT_BRICK <= last && sheet < n; sheet += side) {
     for (int i = d->layers[sheet / TC_SPLAT_BRICK]; i < d->layers[sheet / TC_SPLAT_BRICK + 1]; i++) {
       int box[4];
       if (!box_in_tile(&d->entries[i], t, box)) continue;
       d->kernels->sheet(&d->args, &d->entries[i], axis, sheet % TC_SPLAT_BRICK, t);
-      if (t->left) return false;
+      if (t->halted) return false;
     }
     if (t->touched[2] >= t->touched[0]) d->kernels->compose(t);
   }
@@ -382,7 +383,7 @@ int tc_splat_sheet_axis(const tc_splat_args *g) {
   return axis;
 }
 
-/* Entries by layers of bricks along the axis. */
+/* Sorts entries by layers of bricks along the sheets' axis. */
 static bool sort_layers(drawing *d, GError **error) {
   const int axis = tc_splat_sheet_axis(&d->args),
             n = tc_volume_describe(d->job->volume)->dims[axis] / TC_SPLAT_BRICK + 1;
@@ -402,13 +403,13 @@ static bool sort_layers(drawing *d, GError **error) {
   return true;
 }
 
-/* The tiles along x or y that an entry's box meets. */
+/* Range of tiles along x (k = 0) or y that an entry's box meets. */
 static void tiles_of(const tc_splat_entry *e, int k, int n, int *first, int *last) {
   *first = (int)fminf(fmaxf(e->box[k], 0) / TC_TILE, (float)n);
   *last = (int)fminf(fmaxf(e->box[2 + k] / TC_TILE, -1), (float)(n - 1));
 }
 
-/* For each tile the entries whose boxes meet it, in their order. */
+/* Lists the entries whose boxes meet each tile, in the order of the entries. */
 static bool sort_into_tiles(drawing *d, GError **error) {
   const int across = (d->job->frame->width + TC_TILE - 1) / TC_TILE,
             down = (d->job->frame->height + TC_TILE - 1) / TC_TILE;
@@ -421,18 +422,18 @@ static bool sort_into_tiles(drawing *d, GError **error) {
       for (int y = y0; y <= y1; y++)
         for (int x = x0; x <= x1; x++)
           if (pass)
-            d->met[next[y * across + x]++] = i;
+            d->tile_entries[next[y * across + x]++] = i;
           else
             next[y * across + x + 1]++;
     }
     for (int t = 0; t < across * down && !pass; t++) next[t + 1] += next[t];
-    if (!pass && !(d->met = malloc(((size_t)next[across * down] + 1) * sizeof *d->met))) break;
+    if (!pass && !(d->tile_entries = malloc(((size_t)next[across * down] + 1) * sizeof *d->tile_entries))) break;
   }
-  if (!d->met) tc_set_error(error, TC_ERROR_MEMORY, NULL, "splats: out of memory");
-  return d->met != NULL;
+  if (!d->tile_entries) tc_set_error(error, TC_ERROR_MEMORY, NULL, "splats: out of memory");
+  return d->tile_entries != NULL;
 }
 
-/* Whether the entry meets the tile and shows there, as far as the depths tell. */
+/* False if the entry does not meet the tile or the depths occlude it there. */
 static bool shows(const drawing *d, const tc_splat_entry *e, tc_splat_tile *t) {
   int box[4];
   if (!box_in_tile(e, t, box)) return false;
@@ -446,41 +447,41 @@ static bool has_room(const drawing *d, const tc_splat_entry *e, const tc_splat_t
   return ((size_t)t->n_kept + batches) * d->kernels->batch <= TC_TILE_KEPT;
 }
 
-/* First the depths of the tile's entries, the nearest first. What these do not hide is kept, as it was projected, while
- * there is room. Then the colours: of what was kept, and of the entries that were not. False: halted. */
+/* The depth pass draws the depths of the tile's entries, nearest first, and keeps the projected splats that are not occluded,
+ * while there is room. The colour pass then draws the kept splats and the remaining entries. False: halted. */
 static bool pass(const drawing *d, tc_splat_tile *t, int tile) {
-  const int *met = d->met + d->tile_first[tile], n = d->tile_first[tile + 1] - d->tile_first[tile];
+  const int *met = d->tile_entries + d->tile_first[tile], n = d->tile_first[tile + 1] - d->tile_first[tile];
   int kept = 0;
   t->n_kept = 0, t->keeps = d->args.culling;
-  for (int i = 0; i < n && !t->left; i++) {
+  for (int i = 0; i < n && !t->halted; i++) {
     const tc_splat_entry *e = &d->entries[met[i]];
     const bool wanted = shows(d, e, t);
     t->keeps = t->keeps && (!wanted || has_room(d, e, t));
     kept += t->keeps;
     if (wanted) d->kernels->depths(&d->args, e, t);
   }
-  if (t->left) return false;
+  if (t->halted) return false;
   if (d->args.culling) tc_tile_refresh(t, (int[]){0, 0, TC_TILE - 1, TC_TILE - 1});
   d->kernels->kept(&d->args, t);
-  for (int i = kept; i < n && !t->left; i++)
+  for (int i = kept; i < n && !t->halted; i++)
     if (shows(d, &d->entries[met[i]], t)) d->kernels->colors(&d->args, &d->entries[met[i]], t);
-  return !t->left;
+  return !t->halted;
 }
 
-/* Opaque: pixels beyond the picture hide all. */
+/* Opaque: depths beyond the picture occlude everything. */
 static void clear_tile(tc_splat_tile *t, const tc_splat_args *g) {
   for (int y = 0; y < TC_TILE; y++)
     for (int x = 0; x < TC_TILE_STRIDE; x++)
       t->depth[y * TC_TILE_STRIDE + x] = !g->opaque ? 1 : x < t->width && y < t->height ? INFINITY : -INFINITY;
   t->touched[0] = t->touched[1] = TC_TILE, t->touched[2] = t->touched[3] = -1;
-  memset(t->sums, 0, (g->opaque && !g->matter.of ? TC_SUM_COLOR : TC_SUMS) * sizeof *t->sums);
-  t->left = false;
+  memset(t->sums, 0, (g->opaque && !g->material.color ? TC_SUM_COLOR : TC_SUMS) * sizeof *t->sums);
+  t->halted = false;
   memset(t->stale, 0, sizeof t->stale);
   for (size_t i = 0; i < G_N_ELEMENTS(t->farthest); i++) t->farthest[i] = i < TC_TILE_BLOCKS * TC_TILE_BLOCKS ? INFINITY : -INFINITY;
   for (size_t i = 0; i < G_N_ELEMENTS(t->farthest_of_four); i++) t->farthest_of_four[i] = INFINITY;
 }
 
-/* Mm from the eye along each pixel's ray. */
+/* Converts depths to mm from the eye along each pixel's ray. */
 static void store_depths(const drawing *d, const tc_splat_tile *t, int y, float *to) {
   const tc_frame *f = d->job->frame;
   const double scale = (double)d->args.scale;
@@ -504,7 +505,7 @@ static void store_tile(const drawing *d, const tc_splat_tile *t, const float *ou
 
 static bool is_empty(const drawing *d, const tc_splat_tile *t, int tile) {
   int box[4];
-  if (d->met) return d->tile_first[tile] == d->tile_first[tile + 1];
+  if (d->tile_entries) return d->tile_first[tile] == d->tile_first[tile + 1];
   for (int i = 0; i < d->n_entries; i++)
     if (box_in_tile(&d->entries[i], t, box)) return false;
   return true;
@@ -561,7 +562,7 @@ static void count(const drawing *d) {
 static void set_up(drawing *d) {
   d->args.opaque = d->job->scene->splat.opaque;
   d->args.culling = d->job->scene->splat.culling;
-  d->args.matter = d->job->matter;
+  d->args.material = d->job->material;
   d->args.halt = d->job->halt;
   for (int k = 0; k < 3; k++) {
     const double c = d->job->scene->isosurface.color[k];
@@ -569,11 +570,11 @@ static void set_up(drawing *d) {
   }
   set_view(d);
   set_kernel(d);
-  /* In small voxels a kernel goes less than a pixel beyond its grid. */
-  const unsigned sides = d->args.opaque && d->args.move > 0 ? d->job->splats->sides : 0;
+  /* Kernels that are balls extend less than a pixel beyond the grid. */
+  const unsigned sides = d->args.opaque && d->args.shape_blend > 0 ? d->job->splats->sides : 0;
   d->args.n_planes = tc_splat_planes(d->job->volume, d->job->scene, sides, d->planes);
   d->args.planes = (const double(*)[4])d->planes;
-  if (d->args.opaque) d->args.beyond = (float)(sqrt((double)d->args.radius2) * tc_splat_longest(&d->args)) + d->args.move;
+  if (d->args.opaque) d->args.clip_reach = (float)(sqrt((double)d->args.radius2) * tc_splat_longest_kernel(&d->args)) + d->args.shape_blend;
   if (!d->args.opaque) set_blur(d);
   set_light(d);
 }
@@ -601,7 +602,7 @@ bool tc_splat_draw(const tc_splat_job *job, GError **error) {
     return false;
   }
   d->job = job;
-  /* Not 16 lanes: footprints are a few pixels wide, and frames took up to 10 % longer. */
+  /* No AVX-512: footprints are a few pixels wide, and with 16 lanes frames took up to 10 % longer. */
   d->kernels = __builtin_cpu_supports("avx2") && __builtin_cpu_supports("fma") && g_strcmp0(job->isa, "scalar") != 0
                    ? &tc_splat_avx2
                    : &tc_splat_scalar;
@@ -620,7 +621,7 @@ bool tc_splat_draw(const tc_splat_job *job, GError **error) {
   free(d->out);
   free(d->entries);
   free(d->layers);
-  free(d->met);
+  free(d->tile_entries);
   free(d->tile_first);
   free(d);
   return good;

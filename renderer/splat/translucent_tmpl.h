@@ -1,8 +1,8 @@
-/* Translucent splats, part of tile_tmpl.h: sheets of voxels of one coordinate, the nearest first (Westover, Footprint
- * evaluation for volume rendering, SIGGRAPH 1990). */
+/* Translucent splats; part of tile_tmpl.h. Sheets of voxels with one coordinate in common are composited front to back (Westover,
+ * Footprint evaluation for volume rendering, SIGGRAPH 1990). */
 
-/* Optical depth in the middle of a splat's footprint: the kernel's integral along the ray through its voxel, kept whole
- * where the footprint was widened to the pixels' width. */
+/* Optical depth at the centre of a footprint: the kernel's integral along the ray through its voxel. A widened footprint keeps the
+ * same total. */
 V_INLINE float mass_of(const tc_splat_args *g, const batch *b, int i, const tc_splat_tile *t) {
   const float x = (b->x[i] + (float)t->x0 - 0.5f * g->width) / g->scale;
   const float y = (b->y[i] + (float)t->y0 - 0.5f * g->height) / g->scale;
@@ -12,10 +12,10 @@ V_INLINE float mass_of(const tc_splat_args *g, const batch *b, int i, const tc_s
     const float step = g->perspective ? m[0] * x + m[1] * y + m[2] : m[2];
     square += step * step;
   }
-  return g->mass * sqrtf(length / square) * sqrtf(b->own[i]);
+  return g->mass * sqrtf(length / square) * sqrtf(b->area_ratio2[i]);
 }
 
-V_INLINE void add_matter(const tc_splat_args *g, const batch *b, int i, const reach *r, const float rgbk[4],
+V_INLINE void add_material(const tc_splat_args *g, const batch *b, int i, const reach *r, const float rgbk[4],
                          tc_splat_tile *t) {
   const float depth = mass_of(g, b, i, t) * rgbk[3];
   for (int x = r->x0; x <= r->x1; x += V_LANES) {
@@ -37,25 +37,25 @@ V_INLINE void add_matter(const tc_splat_args *g, const batch *b, int i, const re
   t->touched[3] = r->y1 > t->touched[3] ? r->y1 : t->touched[3];
 }
 
-/* Whether any of V_LANES words lies in the sheet. */
+/* The lanes whose voxels lie in the sheet. */
 V_INLINE vm in_sheet(const tc_splat_entry *e, uint32_t first, int axis, int at) {
   vi word = v_bits(v_load((const float *)(const void *)(e->of->words + first)));
   return v_eq(v_float(v_andi(v_sra(word, 4 * axis), v_seti(15))), v_set((float)at));
 }
 
-/* Colours and extinctions of a batch's voxels that are `here`, lit where they have normals. */
-static void look_up_matter(const tc_splat_args *g, const batch *b, const float *here, const tc_splat_tile *t,
+/* Colours and extinctions of the lanes of a batch with here[] > 0, lit where they have normals; extinction 0 for others. */
+static void fetch_materials(const tc_splat_args *g, const batch *b, const float *here, const tc_splat_tile *t,
                            float rgbk[V_LANES][4]) {
   float c[3][V_LANES] = {0};
-  facing f;
+  orientation f;
   for (int i = 0; i < V_LANES; i++) {
     rgbk[i][3] = 0;
     if (!(b->alive >> i & 1) || !(here[i] > 0) || b->z[i] == INFINITY) continue;
-    look_at_voxel(g, b->entry, b->first + (uint32_t)i, rgbk[i]);
+    voxel_material(g, b->entry, b->first + (uint32_t)i, rgbk[i]);
     for (int k = 0; k < 3; k++) c[k][i] = rgbk[i][k];
   }
   if (!g->shaded) return;
-  face(g, b, t, &f);
+  find_orientation(g, b, t, &f);
   const vf normal[3] = {v_load(f.normal[0]), v_load(f.normal[1]), v_load(f.normal[2])};
   const lighting l = lighting_at(v_load(b->x) + v_set((float)t->x0), v_load(b->y) + v_set((float)t->y0), g->direction0,
                                  g->direction_du, g->direction_dv, g->shade.light);
@@ -65,20 +65,20 @@ static void look_up_matter(const tc_splat_args *g, const batch *b, const float *
     for (int k = 0; k < 3; k++) rgbk[i][k] = c[k][i];
 }
 
-static void put_sheet(const tc_splat_args *g, const tc_splat_entry *e, int axis, int at, tc_splat_tile *t) {
+static void draw_sheet(const tc_splat_args *g, const tc_splat_entry *e, int axis, int at, tc_splat_tile *t) {
   const uint32_t begin = e->brick.first, end = begin + e->brick.count;
   float here[V_LANES], rgbk[V_LANES][4];
   batch b;
   for (uint32_t first = begin; first < end; first += V_LANES) {
-    if (leaves(g, (first - begin) / V_LANES, t)) return;
+    if (halted(g, (first - begin) / V_LANES, t)) return;
     vm wanted = in_sheet(e, first, axis, at);
     if (!m_any(wanted) || !project(g, e, t, first, &b, NULL)) continue;
     v_store(here, v_select(wanted, v_set(1), v_set(0)));
-    look_up_matter(g, &b, here, t, rgbk);
+    fetch_materials(g, &b, here, t, rgbk);
     for (int i = 0; i < V_LANES; i++) {
       if (!(rgbk[i][3] > 0)) continue;
       const reach r = reach_of(b.box, i);
-      add_matter(g, &b, i, &r, rgbk[i], t);
+      add_material(g, &b, i, &r, rgbk[i], t);
       t->drawn++;
     }
   }
@@ -91,7 +91,7 @@ static void compose_sheet(tc_splat_tile *t) {
       const int p = y * TC_TILE_STRIDE + x;
       vf depth = v_load(t->sums[0] + p), clear = exp2_approx(depth * v_set(-1.44269504f)),
          before = v_load(t->depth + p);
-      /* The mean colour of the sheet, as much of it as is seen: (1 - clear) / depth goes to 1. */
+      /* The sheet's mean colour times its visible opacity; (1 - clear) / depth has the limit 1. */
       vf share = before * v_select(v_lt(v_set(1e-3f), depth), (v_set(1) - clear) / v_max(depth, v_set(1e-30f)),
                                    v_fnma(v_set(0.5f), depth, v_set(1)));
       for (int k = 0; k < 3; k++) {

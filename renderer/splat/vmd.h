@@ -122,7 +122,7 @@ typedef struct tc_vmd_part {
 } tc_vmd_part;
 tc_vmd *tc_vmd_make_part(const tc_vmd_part *part, tc_pool *pool, GError **error); /* fails as tc_vmd_make() */
 
-typedef struct tc_vmd_wish {
+typedef struct tc_vmd_options {
   double low, high; /* voxels with values from low to high, both included, are filled; may be infinite */
   bool labels;      /* the volume is a label map: its voxels are attribute "label", not "value" */
   bool shell;
@@ -134,20 +134,20 @@ typedef struct tc_vmd_wish {
   const tc_volume *user_of;  /* whole numbers from 0 to 255; NULL: attribute "user" is 0 */
   bool (*shows)(const void *user, double voxel); /* replaces the range: whether a stored voxel is filled; or NULL */
   const void *user;
-} tc_vmd_wish;
+} tc_vmd_options;
 
 /* Builds the model of a volume. TC_ERROR_INVALID for attributes that are unknown or that no volume gives, for volumes of
  * attributes that do not overlap the volume or hold numbers that the attribute cannot, and for volumes without a grid. */
-tc_vmd *tc_vmd_of_volume(const tc_volume *volume, const tc_vmd_wish *wish, tc_pool *pool, GError **error);
+tc_vmd *tc_vmd_of_volume(const tc_volume *volume, const tc_vmd_options *options, tc_pool *pool, GError **error);
 
-/* Outward normals of a volume's object of these values, from how far inside its range voxels are: the mean slope where
- * the voxel's free faces are; and the surface's distance (a tc_splat_normals.of). */
-typedef struct tc_vmd_subject tc_vmd_subject;
-tc_vmd_subject *tc_vmd_subject_new(const tc_volume *volume, double low, double high); /* NULL: no memory */
-void tc_vmd_subject_free(tc_vmd_subject *subject);
-double tc_vmd_normal_at(const void *subject, int x, int y, int z, double normal[3]);
+/* The object that a range of values makes of a volume. tc_vmd_normal_at() is a tc_splat_normals.of: the mean slope of the values at
+ * the voxel's free faces, and the surface's distance. */
+typedef struct tc_vmd_object tc_vmd_object;
+tc_vmd_object *tc_vmd_object_new(const tc_volume *volume, double low, double high); /* NULL: no memory */
+void tc_vmd_object_free(tc_vmd_object *object);
+double tc_vmd_normal_at(const void *object, int x, int y, int z, double normal[3]);
 /* A tc_splat_normals.end. */
-double tc_vmd_end_at(const void *subject, const int at[3], const double direction[3], double most);
+double tc_vmd_end_at(const void *object, const int at[3], const double direction[3], double most);
 
 /* ---- files ---- */
 
@@ -160,8 +160,8 @@ tc_vmd *tc_vmd_decode(const uint8_t *bytes, size_t size, GError **error);
 /* Wraps the model as a volume without a grid, whose values are the attribute "value", else "label", else 1. Takes ownership
  * of the model on success. TC_ERROR_FORMAT for values that are not finite. tc_volume_model() returns the tc_vmd. */
 tc_volume *tc_vmd_volume(tc_vmd *vmd, GError **error);
-/* The other way: a volume with a grid of the values of one without. What is free holds 0; where 0 is not below them all,
- * 1 less than the least, if the voxel type has that. TC_ERROR_LIMIT, _MEMORY. */
+/* The reverse: a volume with a grid and the model's values. Free voxels are 0 or, if 0 is not below all values, 1 less than the least,
+ * if the voxel type can hold that. TC_ERROR_LIMIT, TC_ERROR_MEMORY. */
 tc_volume *tc_vmd_grid(const tc_volume *volume, GError **error);
 void tc_vmd_normal(const tc_vmd_attribute *attribute, const uint8_t *record, double normal[3]);
 /* A tc_splat_normals.of: the model's own attribute "normal"; zero where there is none. The distance is unknown. */

@@ -1,4 +1,4 @@
-/* Models on disk: VMD.md. Little endian, this machine's. */
+/* Model files (VMD.md). Assumes a little-endian machine. */
 #include <math.h>
 #include <stdlib.h>
 #include <string.h>
@@ -9,7 +9,7 @@
 
 #define DEFLATED 1 /* flags */
 #define DIFFERENCES 2
-#define MOST_INFLATED 1032 /* bytes that one byte of deflate can become */
+#define MOST_INFLATED 1032 /* largest ratio of deflate */
 
 /* ---- writing ---- */
 
@@ -69,7 +69,7 @@ static GByteArray *body_of(const tc_vmd *v) {
   return body;
 }
 
-/* A number of 1, 2 or 4 bytes minus the one of the record before, or (back) plus, in its own width. */
+/* Subtracts (back: adds) the number of the preceding record, of 1, 2 or 4 bytes, modulo its width. */
 static void difference(uint8_t *at, uint8_t *before, size_t size, bool back) {
   uint32_t number = 0, last = 0;
   memcpy(&number, at, size);
@@ -79,7 +79,7 @@ static void difference(uint8_t *at, uint8_t *before, size_t size, bool back) {
   memcpy(at, &other, size);
 }
 
-/* Of records in `bytes`, which are the model's or a copy, become differences, or the other way; all else stays. */
+/* Replaces the records in `bytes`, the model's or a copy, by their differences, or the reverse. */
 static void take_differences(const tc_vmd *v, uint8_t *bytes, bool back) {
   uint8_t before[4 * TC_VMD_ATTRIBUTES] = {0};
   for (uint32_t c = 0; c < v->columns; c++)
@@ -271,7 +271,7 @@ static bool take_number(const uint8_t **at, const uint8_t *end, uint32_t *value)
   return false;
 }
 
-/* Runs lie in the grid one after the other, in version 1 with room between them, and fill exactly these bytes. */
+/* Checks that runs lie in the grid in order, in version 1 with free voxels between them, and take exactly these bytes. */
 static bool check_column(const header *h, const uint8_t *at, const uint8_t *end, uint64_t *voxels) {
   const bool old = h->version == 1;
   uint64_t z = 0;
@@ -294,7 +294,7 @@ static bool check_column(const header *h, const uint8_t *at, const uint8_t *end,
   }
 }
 
-/* The lengths, and where the columns begin. */
+/* Reads the columns' lengths; sets where their bytes begin. */
 static const uint8_t *take_lengths(const header *h, const uint8_t *body, uint32_t *lengths, GError **error) {
   const uint8_t *at = body, *end = body + h->body;
   const size_t cells = (size_t)h->size[0] * (size_t)h->size[1];

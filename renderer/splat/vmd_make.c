@@ -1,4 +1,4 @@
-/* Builds a model from bits of filled voxels: rows of columns in parallel, each into bytes of its own, which are joined. */
+/* Builds a model from bits of filled voxels: rows of columns are encoded in parallel and then joined. */
 #include <stdlib.h>
 #include <string.h>
 
@@ -138,7 +138,7 @@ static void put_part(const tc_vmd_part *p, row *r, const uint8_t *column) {
   for (tc_vmd_run run = {.at = column}; tc_vmd_next(p->of, &run);)
     for (int i = 0, count; i < run.count; i += count) {
       const int z = run.z + i;
-      count = run.step ? 1 : run.count; /* those that share a record */
+      count = run.step ? 1 : run.count; /* voxels that share a record */
       if (!p->keeps(p->user, run.records + (size_t)i * run.step)) continue;
       if (z != end) end_run(r, &before, start, end), start = z;
       end = z + count;
@@ -169,7 +169,7 @@ static void part_row(void *context, int y, int worker) {
 
 /* ---- rows to a model ---- */
 
-/* The rectangle of columns that are there, within the one that was made; of none, an empty one. */
+/* Bounding rectangle of the stored columns; empty if there are none. */
 static void find_rectangle(const making *m, int first[2], int size[2]) {
   int lo[2] = {m->size[0], m->size[1]}, hi[2] = {-1, -1};
   for (int y = 0; y < m->size[1]; y++)

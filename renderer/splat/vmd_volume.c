@@ -22,7 +22,7 @@ typedef struct attribute_source {
   tc_voxel_type type;
 } attribute_source;
 
-struct tc_vmd_subject {
+struct tc_vmd_object {
   const tc_volume *volume;
   const tc_volume_desc *d;
   const void *data;    /* NULL: of a model */
@@ -38,16 +38,16 @@ struct tc_vmd_subject {
   bool labels; /* the volume is a label map */
   bool steps;  /* values tell filled from free alone: labels, masks */
 };
-typedef struct tc_vmd_subject subject;
+typedef struct tc_vmd_object object;
 
 /* ---- which voxels ---- */
 
-static size_t voxel_index(const subject *s, int x, int y, int z) {
+static size_t voxel_index(const object *s, int x, int y, int z) {
   return ((size_t)z * (size_t)s->d->dims[1] + (size_t)y) * (size_t)s->d->dims[0] + (size_t)x;
 }
 
 #define FILL_ROWS(name, type)                                                                                          \
-  static void fill_##name(const subject *s, int y, uint64_t *bits) {                                                   \
+  static void fill_##name(const object *s, int y, uint64_t *bits) {                                                   \
     const size_t nx = (size_t)s->d->dims[0], ny = (size_t)s->d->dims[1];                                               \
     const type low = (type)s->low, high = (type)s->high;                                                               \
     for (int z = 0; z < s->d->dims[2]; z++) {                                                                          \
@@ -62,11 +62,11 @@ FILL_ROWS(u16, uint16_t)
 FILL_ROWS(i16, int16_t)
 FILL_ROWS(f32, float)
 
-static bool is_filled(const subject *s, double voxel) {
+static bool is_filled(const object *s, double voxel) {
   return s->shows ? s->shows(s->shows_user, voxel) : voxel >= s->low && voxel <= s->high;
 }
 
-static void fill_one_by_one(const subject *s, int y, uint64_t *bits) {
+static void fill_one_by_one(const object *s, int y, uint64_t *bits) {
   const size_t nx = (size_t)s->d->dims[0];
   for (int z = 0; z < s->d->dims[2]; z++)
     for (int x = 0; x < s->d->dims[0]; x++)
@@ -75,14 +75,14 @@ static void fill_one_by_one(const subject *s, int y, uint64_t *bits) {
 }
 
 /* NaN voxels are free. */
-static void clear_gaps(const subject *s, int y, uint64_t *bits) {
+static void clear_gaps(const object *s, int y, uint64_t *bits) {
   const size_t nx = (size_t)s->d->dims[0];
   for (int z = 0; z < s->d->dims[2]; z++)
     for (int x = 0; x < s->d->dims[0]; x++)
       if (s->gaps[voxel_index(s, x, y, z)]) bits[(size_t)(z / 64) * nx + (size_t)x] &= ~(1ull << z % 64);
 }
 
-static void fill_by_range(const subject *s, int y, uint64_t *bits) {
+static void fill_by_range(const object *s, int y, uint64_t *bits) {
   switch (s->d->type) {
   case TC_U8: fill_u8(s, y, bits); break;
   case TC_I8: fill_i8(s, y, bits); break;
@@ -94,7 +94,7 @@ static void fill_by_range(const subject *s, int y, uint64_t *bits) {
 }
 
 static void fill(void *user, int y, uint64_t *bits) {
-  const subject *s = user;
+  const object *s = user;
   if (s->low > s->high && !s->shows) return;
   if (s->shows)
     fill_one_by_one(s, y, bits);
@@ -105,7 +105,7 @@ static void fill(void *user, int y, uint64_t *bits) {
 
 /* Range of stored voxels whose values are in the range. Integers: the first and last such voxel, so that comparing stored
  * voxels equals comparing values. Floats: the range itself, clamped to the volume's. low > high: no voxel. */
-static void stored_range(subject *s, double low, double high) {
+static void stored_range(object *s, double low, double high) {
   const tc_volume_stats *stats = tc_volume_statistics(s->volume);
   double a = (low - s->d->intercept) / s->d->slope, b = (high - s->d->intercept) / s->d->slope;
   s->low = fmax(fmin(a, b), stats->voxel_min), s->high = fmin(fmax(a, b), stats->voxel_max);
@@ -123,7 +123,7 @@ static void stored_range(subject *s, double low, double high) {
 
 /* Distance of a voxel's value from the nearer end of the object's range, positive inside; an end that no voxel is beyond
  * does not count; with neither, from the least value. Label maps: 1 inside, -1 outside. */
-static double inside_by_value(const subject *s, size_t i) {
+static double inside_by_value(const object *s, size_t i) {
   const tc_volume_stats *stats = tc_volume_statistics(s->volume);
   double v = tc_voxel_at(s->d->type, s->data, i), above = v - s->low, below = s->high - v;
   if (s->labels) return above >= 0 && below >= 0 ? 1 : -1;
@@ -132,8 +132,8 @@ static double inside_by_value(const subject *s, size_t i) {
   return s->high >= stats->voxel_max ? above : fmin(above, below);
 }
 
-/* A gap is outside, by as much as what is around it is inside: the surface is half way to a gap. */
-static double inside_at(const subject *s, size_t i) {
+/* A gap is as far outside as its surroundings are inside: the surface lies half way to a gap. */
+static double inside_at(const object *s, size_t i) {
   const double inside = inside_by_value(s, i);
   return s->gaps && s->gaps[i] ? fmin(-fabs(inside), -FLT_MIN) : inside;
 }
@@ -142,14 +142,14 @@ typedef struct spot {
   int at[3];
 } spot;
 
-static double inside_of(const subject *s, spot p, int axis, int step) {
+static double inside_of(const object *s, spot p, int axis, int step) {
   p.at[axis] = MIN(MAX(p.at[axis] + step, 0), s->d->dims[axis] - 1);
   return inside_at(s, voxel_index(s, p.at[0], p.at[1], p.at[2]));
 }
 
 /* The slope towards the outside half way between a voxel and its neighbour beyond a face, a mm: along the face's axis
  * their difference, along others the mean of their central differences. */
-static void slope_at_face(const subject *s, spot p, int axis, int step, double slope[3]) {
+static void slope_at_face(const object *s, spot p, int axis, int step, double slope[3]) {
   spot q = p;
   q.at[axis] += step;
   for (int k = 0; k < 3; k++) {
@@ -162,8 +162,8 @@ static void slope_at_face(const subject *s, spot p, int axis, int step, double s
   }
 }
 
-/* Where the grid alone ends the object, half a voxel beyond its last voxels. */
-static void add_ends(const subject *s, spot p, double sum[3], double crossing[6]) {
+/* Faces at which only the grid ends the object, half a voxel beyond its last voxels. */
+static void add_ends(const object *s, spot p, double sum[3], double crossing[6]) {
   for (int f = 0; f < 6; f++) {
     const int step = f & 1 ? 1 : -1, beyond = p.at[f / 2] + step;
     if (beyond >= 0 && beyond < s->d->dims[f / 2]) continue;
@@ -172,10 +172,9 @@ static void add_ends(const subject *s, spot p, double sum[3], double crossing[6]
   }
 }
 
-/* The mean over the faces beyond which is outside, and how far on towards each the surface is, in voxels (negative:
- * not there). What is one voxel thick has faces that look in opposite directions: they count as one, whose sign means
- * nothing. */
-static void normal_of_faces(const subject *s, spot p, double sum[3], double crossing[6]) {
+/* Sums the slopes at the voxel's free faces; sets the distance to the surface through each face in voxels (negative: the face is not
+ * free). Opposite faces of an object one voxel thick are added with the same sign; that sign is arbitrary. */
+static void normal_of_faces(const object *s, spot p, double sum[3], double crossing[6]) {
   const double here = inside_of(s, p, 0, 0);
   bool any = false;
   for (int k = 0; k < 3; k++) sum[k] = 0;
@@ -195,8 +194,8 @@ static void normal_of_faces(const subject *s, spot p, double sum[3], double cros
   if (!any) add_ends(s, p, sum, crossing);
 }
 
-/* Along the normal, in voxels: the mean of what the crossings say, were the surface a plane. */
-static double distance_of(const subject *s, const double normal[3], const double crossing[6]) {
+/* Distance of the surface along the normal, in voxels: the mean over the crossings, each as if the surface were a plane. */
+static double distance_of(const object *s, const double normal[3], const double crossing[6]) {
   double along[3], sum = 0, faces = 0;
   for (int k = 0; k < 3; k++) along[k] = normal[k] * s->d->spacing[k];
   const double length = length3(along);
@@ -206,14 +205,14 @@ static double distance_of(const subject *s, const double normal[3], const double
 }
 
 /* Central differences, for voxels without a free face. */
-static void slope_within(const subject *s, spot p, double slope[3]) {
+static void slope_within(const object *s, spot p, double slope[3]) {
   for (int k = 0; k < 3; k++) slope[k] = (inside_of(s, p, k, -1) - inside_of(s, p, k, 1)) / s->d->spacing[k];
 }
 
 #define AROUND 2 /* voxels */
 
-/* The free side of the voxels around one: minus the sum of places that are filled. */
-static void slope_around(const subject *s, spot p, double slope[3]) {
+/* Direction to the free side of the voxels around one: minus the sum of the filled voxels' offsets. */
+static void slope_around(const object *s, spot p, double slope[3]) {
   int sum[3] = {0};
   for (int i = 0; i < 125; i++) {
     const int step[3] = {i % 5 - AROUND, i / 5 % 5 - AROUND, i / 25 - AROUND};
@@ -230,7 +229,7 @@ static void slope_around(const subject *s, spot p, double slope[3]) {
 }
 
 /* The voxels around a position and their trilinear weights, at[] and weights[] of 8. */
-static void corners_of(const subject *s, const double at[3], spot corners[8], double weights[8]) {
+static void corners_of(const object *s, const double at[3], spot corners[8], double weights[8]) {
   for (int corner = 0; corner < 8; corner++) {
     weights[corner] = 1;
     for (int k = 0; k < 3; k++) {
@@ -241,10 +240,9 @@ static void corners_of(const subject *s, const double at[3], spot corners[8], do
   }
 }
 
-/* The slope at the surface, `distance` voxels along the normal: central differences between voxels, as the ray caster's
- * gradient `central`. Leaves the normal where the object ends with the grid, and where the slope there looks
- * into the object. */
-static void move_to_surface(const subject *s, spot p, double distance, const double crossing[6], double normal[3]) {
+/* Replaces the normal by the slope at the surface, `distance` voxels along the normal: interpolated central differences, as in the
+ * ray caster. The normal stays if the object ends at the grid, or if that slope points into the object. */
+static void move_to_surface(const object *s, spot p, double distance, const double crossing[6], double normal[3]) {
   double along[3], at[3], slope[3] = {0}, weights[8];
   spot corners[8];
   for (int k = 0; k < 3; k++) {
@@ -263,7 +261,7 @@ static void move_to_surface(const subject *s, spot p, double distance, const dou
 }
 
 double tc_vmd_normal_at(const void *user, int x, int y, int z, double n[3]) {
-  const subject *s = user;
+  const object *s = user;
   const spot p = {{x, y, z}};
   double g[3], around[3] = {0}, crossing[6];
   normal_of_faces(s, p, g, crossing);
@@ -277,7 +275,7 @@ double tc_vmd_normal_at(const void *user, int x, int y, int z, double n[3]) {
     slope_within(s, p, g);
   else if (distance >= 0 && !s->steps)
     move_to_surface(s, p, distance, crossing, g);
-  /* Covariant: right for any axes. */
+  /* A covector, for any axes. */
   for (int r = 0; r < 3; r++) {
     n[r] = 0;
     for (int k = 0; k < 3; k++) n[r] += g[k] * s->d->spacing[k] * s->to_index[3 * k + r];
@@ -286,7 +284,7 @@ double tc_vmd_normal_at(const void *user, int x, int y, int z, double n[3]) {
 }
 
 /* Between voxels: trilinear. */
-static double inside_between(const subject *s, const double at[3]) {
+static double inside_between(const object *s, const double at[3]) {
   double sum = 0, weights[8];
   spot corners[8];
   corners_of(s, at, corners, weights);
@@ -298,7 +296,7 @@ static double inside_between(const subject *s, const double at[3]) {
 #define END_STEPS 8
 
 double tc_vmd_end_at(const void *user, const int at[3], const double direction[3], double most) {
-  const subject *s = user;
+  const object *s = user;
   double before = 0;
   for (int i = 0; i <= END_STEPS; i++) {
     const double way = most * i / END_STEPS;
@@ -310,7 +308,7 @@ double tc_vmd_end_at(const void *user, const int at[3], const double direction[3
   return most;
 }
 
-/* Of the nearest voxel. */
+/* Number of the nearest voxel. */
 static double number_from(const attribute_source *f, const double at[3]) {
   double voxel;
   int nearest[3];
@@ -322,7 +320,7 @@ static double number_from(const attribute_source *f, const double at[3]) {
 }
 
 static void record(void *user, int x, int y, int z, uint8_t *to) {
-  const subject *s = user;
+  const object *s = user;
   const size_t i = voxel_index(s, x, y, z), size = tc_voxel_size(s->d->type);
   if (s->own >= 0) memcpy(to + s->own, (const uint8_t *)s->data + i * size, size);
   for (int k = 0; k < s->n_sources; k++)
@@ -335,8 +333,8 @@ static void record(void *user, int x, int y, int z, uint8_t *to) {
   }
 }
 
-static subject subject_of(const tc_volume *volume, double low, double high) {
-  subject s = {.volume = volume,
+static object object_of(const tc_volume *volume, double low, double high) {
+  object s = {.volume = volume,
                .d = tc_volume_describe(volume),
                .data = tc_volume_data(volume),
                .gaps = tc_volume_gaps(volume) ? tc_volume_data(tc_volume_gaps(volume)) : NULL,
@@ -350,18 +348,18 @@ static subject subject_of(const tc_volume *volume, double low, double high) {
   return s;
 }
 
-tc_vmd_subject *tc_vmd_subject_new(const tc_volume *volume, double low, double high) {
-  subject *s = malloc(sizeof *s);
-  if (s) *s = subject_of(volume, low, high);
+tc_vmd_object *tc_vmd_object_new(const tc_volume *volume, double low, double high) {
+  object *s = malloc(sizeof *s);
+  if (s) *s = object_of(volume, low, high);
   return s;
 }
 
-void tc_vmd_subject_free(tc_vmd_subject *subject) { free(subject); }
+void tc_vmd_object_free(tc_vmd_object *object) { free(object); }
 
-/* ---- the wish ---- */
+/* ---- options ---- */
 
 /* Attributes "label" and "user" hold numbers, "value" stored voxels, whose scale the model has. */
-static void add_source(subject *s, tc_vmd_head *head, const tc_volume *of, bool value) {
+static void add_source(object *s, tc_vmd_head *head, const tc_volume *of, bool value) {
   const tc_volume_desc *d = tc_volume_describe(of);
   const tc_volume_stats *range = tc_volume_statistics(of);
   attribute_source *f = &s->sources[s->n_sources++];
@@ -374,10 +372,10 @@ static void add_source(subject *s, tc_vmd_head *head, const tc_volume *of, bool 
   memcpy(head->grid.unit, d->unit, sizeof d->unit), memcpy(head->grid.modality, d->modality, sizeof d->modality);
 }
 
-static bool add_attribute(tc_vmd_head *head, subject *s, const char *name, const tc_vmd_wish *wish, GError **error) {
+static bool add_attribute(tc_vmd_head *head, object *s, const char *name, const tc_vmd_options *options, GError **error) {
   const bool value = strcmp(name, "value") == 0, label = strcmp(name, "label") == 0, user = strcmp(name, "user") == 0;
-  const bool own = wish->labels ? label : value;
-  const tc_volume *of = value ? wish->value_of : label ? wish->label_of : user ? wish->user_of : NULL;
+  const bool own = options->labels ? label : value;
+  const tc_volume *of = value ? options->value_of : label ? options->label_of : user ? options->user_of : NULL;
   tc_vmd_type type = TC_VMD_U8;
   if (own) {
     s->own = head->record_bytes, type = (tc_vmd_type)s->d->type;
@@ -388,7 +386,7 @@ static bool add_attribute(tc_vmd_head *head, subject *s, const char *name, const
     s->normal = head->record_bytes, type = TC_VMD_NORMAL;
   } else if (!user) {
     tc_set_error(error, TC_ERROR_INVALID, NULL, "attributes: %s expected, separated by commas",
-                 wish->labels ? "label, normal or user (a label map has no values)"
+                 options->labels ? "label, normal or user (a label map has no values)"
                               : "value, normal or user (labels are those of a label map)");
     return false;
   }
@@ -404,23 +402,23 @@ static bool holds(const char *name, const tc_volume *of, double most, GError **e
 }
 
 /* Negative numbers mean no label. */
-static bool check_sources(const tc_volume *volume, const tc_vmd_wish *wish, GError **error) {
-  if (wish->value_of && !tc_labels_fit(wish->value_of, volume, "labels", error)) return false;
-  if (wish->label_of && !(tc_labels_fit(volume, wish->label_of, "labels", error) &&
-                          holds("labels", wish->label_of, UINT16_MAX, error)))
+static bool check_sources(const tc_volume *volume, const tc_vmd_options *options, GError **error) {
+  if (options->value_of && !tc_labels_fit(options->value_of, volume, "labels", error)) return false;
+  if (options->label_of && !(tc_labels_fit(volume, options->label_of, "labels", error) &&
+                          holds("labels", options->label_of, UINT16_MAX, error)))
     return false;
-  return !wish->user_of ||
-         (tc_labels_fit(volume, wish->user_of, "user", error) && holds("user", wish->user_of, UINT8_MAX, error));
+  return !options->user_of ||
+         (tc_labels_fit(volume, options->user_of, "user", error) && holds("user", options->user_of, UINT8_MAX, error));
 }
 
 static bool keeps(const void *user, const uint8_t *record) {
-  const subject *s = user;
+  const object *s = user;
   const tc_vmd_attribute *a = tc_vmd_value_attribute(&s->model->head);
   return is_filled(s, a ? tc_vmd_number(a, record) : 1);
 }
 
-static tc_vmd *part_of(const subject *s, const tc_vmd_wish *wish, tc_pool *pool, GError **error) {
-  if (!wish->shell && (!wish->attributes || !*wish->attributes))
+static tc_vmd *part_of(const object *s, const tc_vmd_options *options, tc_pool *pool, GError **error) {
+  if (!options->shell && (!options->attributes || !*options->attributes))
     return tc_vmd_make_part(&(tc_vmd_part){s->model, keeps, s}, pool, error);
   tc_set_error(error, TC_ERROR_INVALID, NULL, "attributes: the volume is a run-length model, which has its own");
   return NULL;
@@ -441,19 +439,19 @@ static void set_palette(tc_vmd_head *head, const tc_volume *labels) {
   }
 }
 
-tc_vmd *tc_vmd_of_volume(const tc_volume *volume, const tc_vmd_wish *wish, tc_pool *pool, GError **error) {
-  subject s = subject_of(volume, wish->low, wish->high);
-  s.shows = wish->shows, s.shows_user = wish->user;
-  if (s.model) return part_of(&s, wish, pool, error);
-  if (!check_sources(volume, wish, error)) return NULL;
-  s.labels = wish->labels, s.steps = s.steps || s.labels;
-  tc_vmd_source source = {.head = {.grid = *s.d}, .shell = wish->shell, .user = &s, .fill = fill, .record = record};
-  char **names = g_strsplit(wish->attributes ? wish->attributes : "", ",", -1);
+tc_vmd *tc_vmd_of_volume(const tc_volume *volume, const tc_vmd_options *options, tc_pool *pool, GError **error) {
+  object s = object_of(volume, options->low, options->high);
+  s.shows = options->shows, s.shows_user = options->user;
+  if (s.model) return part_of(&s, options, pool, error);
+  if (!check_sources(volume, options, error)) return NULL;
+  s.labels = options->labels, s.steps = s.steps || s.labels;
+  tc_vmd_source source = {.head = {.grid = *s.d}, .shell = options->shell, .user = &s, .fill = fill, .record = record};
+  char **names = g_strsplit(options->attributes ? options->attributes : "", ",", -1);
   bool good = true;
   for (char **name = names; *name && good; name++)
-    good = add_attribute(&source.head, &s, g_strstrip(*name), wish, error);
+    good = add_attribute(&source.head, &s, g_strstrip(*name), options, error);
   g_strfreev(names);
   if (!good) return NULL;
-  if (tc_vmd_attribute_named(&source.head, "label")) set_palette(&source.head, wish->labels ? volume : wish->label_of);
+  if (tc_vmd_attribute_named(&source.head, "label")) set_palette(&source.head, options->labels ? volume : options->label_of);
   return tc_vmd_make(&source, pool, error);
 }

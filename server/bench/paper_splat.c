@@ -76,9 +76,9 @@ static double nrrd_bytes(const tc_vmd *m, const uint8_t *grid, size_t bytes, GEr
   return (double)file.st_size;
 }
 
-static bool measure_shell(const tc_volume *volume, tc_vmd_wish wish, sizes *s, GError **error) {
-  wish.shell = true;
-  tc_vmd *shell = tc_vmd_of_volume(volume, &wish, NULL, error);
+static bool measure_shell(const tc_volume *volume, tc_vmd_options options, sizes *s, GError **error) {
+  options.shell = true;
+  tc_vmd *shell = tc_vmd_of_volume(volume, &options, NULL, error);
   if (shell) s->shell = (double)shell->total_bytes;
   tc_vmd_free(shell);
   return shell != NULL;
@@ -176,12 +176,12 @@ void tcs_paper_splat_begin(const tcs_paper_run *run) {
 
 bool tcs_paper_splat(const tcs_paper_run *run, tc_volume *volume, const char *name, const tc_scene *from, cJSON *report,
                      GError **error) {
-  const tc_vmd_wish wish = {from->splat.threshold[0], from->splat.threshold[1], .attributes = "user"};
+  const tc_vmd_options options = {from->splat.threshold[0], from->splat.threshold[1], .attributes = "user"};
   tc_scene scene;
   sizes s = {0};
   double ms[3], samples[3];
-  tc_vmd *model = tc_vmd_of_volume(volume, &wish, NULL, error);
-  bool good = model && measure_sizes(model, &s, error) && measure_shell(volume, wish, &s, error);
+  tc_vmd *model = tc_vmd_of_volume(volume, &options, NULL, error);
+  bool good = model && measure_sizes(model, &s, error) && measure_shell(volume, options, &s, error);
   const extent box = good ? extent_of(model) : (extent){0};
   tc_vmd_free(model);
   tc_scene_copy(&scene, from);

@@ -18,7 +18,7 @@
 typedef struct wanted {
   double iso, label, simplify; /* simplify: error in mm; negative: do not simplify */
   bool all_labels;
-  tc_vmd_wish model;
+  tc_vmd_options model;
 } wanted;
 
 typedef struct arguments {
@@ -72,7 +72,7 @@ static bool make_wish(const arguments *a, wanted *w, GError **error) {
     return bad_usage(error, "--labels: --attributes must list label");
   if (!read_numbers("--threshold", a->threshold, 2, -INFINITY, range, error)) return false;
   if (!read_numbers("--iso-shell", a->shell, 1, -INFINITY, range, error)) return false;
-  w->model = (tc_vmd_wish){.low = range[0],
+  w->model = (tc_vmd_options){.low = range[0],
                            .high = range[1],
                            .labels = !a->threshold && !a->shell,
                            .shell = a->shell != NULL,
@@ -278,13 +278,13 @@ static bool import_beside(const char *path, tc_volume **volume, GError **error) 
 /* A label map that selects the voxels is the model's grid. */
 static tc_vmd *make_model(const tc_volume *volume, const wanted *w, const arguments *a, GError **error) {
   tc_volume *labels = NULL, *user = NULL;
-  tc_vmd_wish wish = w->model;
+  tc_vmd_options options = w->model;
   tc_vmd *model = NULL;
   tc_pool *pool = tc_pool_new(a->threads, error);
   if (pool && import_beside(a->labels_of, &labels, error) && import_beside(a->user_of, &user, error)) {
-    const bool select = labels && wish.labels;
-    wish.value_of = select ? volume : NULL, wish.label_of = labels, wish.user_of = user;
-    model = tc_vmd_of_volume(select ? labels : volume, &wish, pool, error);
+    const bool select = labels && options.labels;
+    options.value_of = select ? volume : NULL, options.label_of = labels, options.user_of = user;
+    model = tc_vmd_of_volume(select ? labels : volume, &options, pool, error);
   }
   tc_volume_unref(labels);
   tc_volume_unref(user);

@@ -106,7 +106,7 @@ TEST(colors_are_the_cpus) {
   needs(test_renderers[GL]);
   const test_grid grid = {.dims = {60, 52, 56}, .type = TC_U8, .slope = 1, .spacing = {1, 1.3, 0.8}, .origin = {-1000, 300, 50}};
   tc_volume *volume = waves(), *labels = test_volume(&grid, bands, &(double){24});
-  const tc_vmd_wish wish = {1, 9, .labels = true, .attributes = "label"};
+  const tc_vmd_options wish = {1, 9, .labels = true, .attributes = "label"};
   g_autoptr(tc_volume) model = tc_vmd_volume(tc_vmd_of_volume(labels, &wish, NULL, NULL), NULL);
   for (int round = 0; round < 6; round++) {
     g_auto(tc_scene) scene;
@@ -145,7 +145,7 @@ TEST(translucent_sheets_are_the_cpus) {
   needs(test_renderers[GL]);
   const test_grid grid = {.dims = {60, 52, 56}, .type = TC_U8, .slope = 1, .spacing = {1, 1.3, 0.8}, .origin = {-1000, 300, 50}};
   tc_volume *volume = waves(), *labels = test_volume(&grid, bands, &(double){24});
-  const tc_vmd_wish wish = {1, 9, .labels = true, .attributes = "label"};
+  const tc_vmd_options wish = {1, 9, .labels = true, .attributes = "label"};
   g_autoptr(tc_volume) model = tc_vmd_volume(tc_vmd_of_volume(labels, &wish, NULL, NULL), NULL);
   for (int round = 0; round < 5; round++) {
     g_auto(tc_scene) scene;

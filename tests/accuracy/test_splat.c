@@ -426,7 +426,7 @@ TEST(picks_are_as_deep_as_the_picture) {
   expect_picks(&o, o.volume, NULL, true);
   g_autoptr(tc_volume) labels = test_volume(&flat_grid, inside_ball, ball);
   for (int own = 0; own < 2; own++) {
-    const tc_vmd_wish wish = {.low = 0, .high = INFINITY, .attributes = own ? "value,normal" : "value"};
+    const tc_vmd_options wish = {.low = 0, .high = INFINITY, .attributes = own ? "value,normal" : "value"};
     tc_vmd *model = tc_vmd_of_volume(o.volume, &wish, NULL, NULL);
     g_autoptr(tc_volume) sparse = tc_vmd_volume(model, NULL);
     tc_splats_free(o.splats);
@@ -478,7 +478,7 @@ static double negative(double x, double y, double z, const void *context) { retu
 /* An object of all values, all below 0, ends with the grid alone, and nothing beyond that is read. */
 TEST(a_range_of_all_values_ends_with_the_grid) {
   g_autoptr(tc_volume) volume = test_volume(&(test_grid){.dims = {6, 5, 4}, .type = TC_F32}, negative, NULL);
-  g_autoptr(tc_vmd_subject) subject = tc_vmd_subject_new(volume, -INFINITY, INFINITY);
+  g_autoptr(tc_vmd_object) subject = tc_vmd_object_new(volume, -INFINITY, INFINITY);
   for (int corner = 0; corner < 8; corner++) {
     double n[3];
     tc_vmd_normal_at(subject, corner & 1 ? 5 : 0, corner & 2 ? 4 : 0, corner & 4 ? 3 : 0, n);

@@ -2,10 +2,10 @@
 #include "tests/support/splats.h"
 
 /* What a voxel is made of: two colours, side by side, and two extinctions, one above the other. */
-static void matter_of(const void *user, const int at[3], float rgbk[4]) {
+static void material_of(const void *user, const int at[3], float rgbk[4]) {
   const bool left = at[0] < 20, low = at[2] < 18;
-  const float matter[4] = {left ? 0.9f : 0.2f, 0.5f, left ? 0.1f : 0.8f, *(const float *)user * (low ? 1 : 0.3f)};
-  memcpy(rgbk, matter, sizeof matter);
+  const float material[4] = {left ? 0.9f : 0.2f, 0.5f, left ? 0.1f : 0.8f, *(const float *)user * (low ? 1 : 0.3f)};
+  memcpy(rgbk, material, sizeof material);
 }
 
 /* What a head light (Lambert) makes of a voxel of the ball, by the radius; inside nothing. */
@@ -37,7 +37,7 @@ static void blurred(const object *o, const tc_scene *scene, double deviation, co
         const double r2 = (x - p[0]) * (x - p[0]) + (y - p[1]) * (y - p[1]) + (z - p[2]) * (z - p[2]);
         if (r2 > 9 * deviation * deviation || !tc_vmd_voxel(o->model, x, y, z)) continue;
         float rgbk[4];
-        matter_of(extinction, (int[]){x, y, z}, rgbk);
+        material_of(extinction, (int[]){x, y, z}, rgbk);
         const double k =
             (double)rgbk[3] * exp(-0.5 * r2 / (deviation * deviation)) / pow(2 * M_PI * deviation * deviation, 1.5);
         const double light = light_of(o, scene, (int[]){x, y, z});
@@ -85,7 +85,7 @@ TEST(translucent_splats_show_the_blurred_field) {
     scene.splat.opaque = false;
     scene.splat.kernel_radius = i % 2 ? 1 : 1.5;
     scene.shading.model = i < 10 ? TC_SHADING_NONE : TC_SHADING_LAMBERT;
-    draw_now(o, &scene, (wish){.matter = {.of = matter_of, .user = &extinction}}, &d);
+    draw_now(o, &scene, (wish){.material = {.color = material_of, .user = &extinction}}, &d);
     double sum = 0, worst = 0, truth[4];
     int n = 0;
     for (int p = 17; p < SIDE * SIDE; p += 41) {
@@ -103,7 +103,7 @@ TEST(translucent_splats_show_the_blurred_field) {
   for (int i = 0; i < 3; i++) object_free(&objects[i]);
 }
 
-static void constant_matter(const void *user, const int at[3], float rgbk[4]) {
+static void constant_material(const void *user, const int at[3], float rgbk[4]) {
   for (int k = 0; k < 4; k++) rgbk[k] = k < 3 ? 0.5f : *(const float *)user;
 }
 
@@ -149,7 +149,7 @@ TEST(constant_clouds_are_constant) {
     scene.splat.opaque = false;
     scene.splat.kernel_radius = i % 3 ? 1 : 1.5;
     scene.shading.model = TC_SHADING_NONE;
-    draw_now(o, &scene, (wish){.matter = {.of = constant_matter, .user = &extinction}}, &d);
+    draw_now(o, &scene, (wish){.material = {.color = constant_material, .user = &extinction}}, &d);
     for (int p = 5; p < SIDE * SIDE; p += 7) {
       const double way = way_through(o, &scene, p % SIDE, p / SIDE);
       if (way <= 0) continue;

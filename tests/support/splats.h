@@ -11,7 +11,7 @@
 #include "tests/support/image.h"
 
 G_DEFINE_AUTOPTR_CLEANUP_FUNC(tc_splats, tc_splats_free)
-G_DEFINE_AUTOPTR_CLEANUP_FUNC(tc_vmd_subject, tc_vmd_subject_free)
+G_DEFINE_AUTOPTR_CLEANUP_FUNC(tc_vmd_object, tc_vmd_object_free)
 
 enum { SIDE = 96 };
 
@@ -24,8 +24,8 @@ typedef struct object {
 
 static inline object object_of(const test_grid *grid, test_field field, const void *context) {
   object o = {.volume = test_volume(grid, field, context)};
-  o.model = tc_vmd_of_volume(o.volume, &(tc_vmd_wish){.low = 0, .high = INFINITY}, NULL, NULL);
-  g_autoptr(tc_vmd_subject) subject = tc_vmd_subject_new(o.volume, 0, INFINITY);
+  o.model = tc_vmd_of_volume(o.volume, &(tc_vmd_options){.low = 0, .high = INFINITY}, NULL, NULL);
+  g_autoptr(tc_vmd_object) subject = tc_vmd_object_new(o.volume, 0, INFINITY);
   const tc_splat_normals normals = {tc_vmd_normal_at, subject, tc_vmd_end_at};
   o.splats = tc_splats_build(o.model, normals, false, NULL, NULL);
   o.everything = tc_splats_build(o.model, normals, true, NULL, NULL);
@@ -55,7 +55,7 @@ typedef struct wish {
   tc_pool *pool;
   const tc_interrupt *interrupt;
   bool resume;
-  tc_splat_matter matter;
+  tc_splat_material material;
 } wish;
 
 static inline bool draw(const object *o, const tc_scene *scene, wish w, drawing *d, GError **error) {
@@ -70,7 +70,7 @@ static inline bool draw(const object *o, const tc_scene *scene, wish w, drawing 
   if (w.pool) tc_pool_watch(w.pool, &halt);
   const tc_splat_job job = {.volume = o->volume,
                             .splats = scene->splat.culling && scene->splat.opaque ? o->splats : o->everything,
-                            .matter = w.matter,
+                            .material = w.material,
                             .cut = cut,
                             .scene = scene,
                             .isa = w.isa,

@@ -40,7 +40,7 @@ static int few(int x, int y, int z) {
 
 static tc_vmd *few_model(const char *attributes) {
   tc_volume *v = volume_of(&grid, few);
-  tc_vmd *m = tc_vmd_of_volume(v, &(tc_vmd_wish){.low = 300, .high = 3000, .attributes = attributes}, NULL, NULL);
+  tc_vmd *m = tc_vmd_of_volume(v, &(tc_vmd_options){.low = 300, .high = 3000, .attributes = attributes}, NULL, NULL);
   tc_volume_unref(v);
   assert_non_null(m);
   return m;
@@ -123,10 +123,10 @@ static int parts(int x, int y, int z) { return x == 2 && z == 50 ? 3 : z < 20 + 
 TEST(equal_records_are_kept_once) {
   g_autoptr(tc_volume) v = volume_of(&grid, parts);
   tc_vmd *m =
-      tc_vmd_of_volume(v, &(tc_vmd_wish){.low = 1, .high = 3, .labels = true, .attributes = "label"}, NULL, NULL);
+      tc_vmd_of_volume(v, &(tc_vmd_options){.low = 1, .high = 3, .labels = true, .attributes = "label"}, NULL, NULL);
   assert_int_equal(m->voxels, 0); /* 2 v - 1000 is nowhere in 1 .. 3 */
   tc_vmd_free(m);
-  m = tc_vmd_of_volume(v, &(tc_vmd_wish){.low = -1000, .high = 0, .labels = true, .attributes = "label"}, NULL, NULL);
+  m = tc_vmd_of_volume(v, &(tc_vmd_options){.low = -1000, .high = 0, .labels = true, .attributes = "label"}, NULL, NULL);
   assert_int_equal(m->voxels, 3 * 2 * 70);
   for (int i = 0; i < 3 * 2 * 70; i++) {
     const uint8_t *record = tc_vmd_voxel(m, i % 3, i / 3 % 2, i / 6);
@@ -134,10 +134,10 @@ TEST(equal_records_are_kept_once) {
   }
   assert_int_equal(tc_vmd_start(m, 1), 4 + 5 + 1); /* two runs of one record, the second of 50 voxels */
   tc_vmd_free(m);
-  m = tc_vmd_of_volume(v, &(tc_vmd_wish){.low = -INFINITY, .high = -999, .attributes = "user"}, NULL, NULL);
+  m = tc_vmd_of_volume(v, &(tc_vmd_options){.low = -INFINITY, .high = -999, .attributes = "user"}, NULL, NULL);
   assert_int_equal(m->voxels, 0);
   tc_vmd_free(m);
-  m = tc_vmd_of_volume(v, &(tc_vmd_wish){.low = -1000, .high = -997, .attributes = "user"}, NULL, NULL);
+  m = tc_vmd_of_volume(v, &(tc_vmd_options){.low = -1000, .high = -997, .attributes = "user"}, NULL, NULL);
   assert_int_equal(tc_vmd_start(m, 1), 2 + 1); /* one run, as before it: zeros */
   tc_vmd_free(m);
 }
@@ -184,7 +184,7 @@ TEST(models_survive_a_file) {
   memcpy(deep.dims, (int[]){17, 2, 3000}, sizeof deep.dims);
   tc_volume *volumes[] = {volume_of(&noisy, noise), volume_of(&noisy, stretches), volume_of(&deep, noise)};
   tc_pool *pool = tc_pool_new(3, NULL);
-  const tc_vmd_wish wishes[] = {{.low = 100, .high = 155, .attributes = "value,normal,user"},
+  const tc_vmd_options wishes[] = {{.low = 100, .high = 155, .attributes = "value,normal,user"},
                                 {.low = -INFINITY, .high = INFINITY},
                                 {.low = -INFINITY, .high = INFINITY, .attributes = "value,user,normal"},
                                 {.low = 56, .high = INFINITY, .shell = true, .attributes = "normal"},
@@ -192,7 +192,7 @@ TEST(models_survive_a_file) {
                                 {.low = 1e6, .high = 1e7}};
   for (size_t i = 0; i < G_N_ELEMENTS(wishes) * G_N_ELEMENTS(volumes); i++) {
     const tc_volume *v = volumes[i % G_N_ELEMENTS(volumes)];
-    const tc_vmd_wish *wish = &wishes[i / G_N_ELEMENTS(volumes)];
+    const tc_vmd_options *wish = &wishes[i / G_N_ELEMENTS(volumes)];
     tc_vmd *m = tc_vmd_of_volume(v, wish, pool, NULL), *alone = tc_vmd_of_volume(v, wish, NULL, NULL);
     expect_same(m, alone);
     for (int packed = 0; packed < 2; packed++) {
@@ -245,7 +245,7 @@ TEST(value_label_normal_and_user_stand_in_one_model) {
   g_autoptr(tc_volume) v = volume_of(&noisy, noise);
   g_autoptr(tc_volume) labels = volume_of(&coarse, label_noise);
   g_autoptr(tc_volume) user = volume_of(&same, user_noise);
-  tc_vmd_wish wish = {.low = 56, .high = 200, .attributes = "normal"};
+  tc_vmd_options wish = {.low = 56, .high = 200, .attributes = "normal"};
   g_autoptr(tc_vmd) normals = tc_vmd_of_volume(v, &wish, NULL, NULL);
   wish.attributes = "user,value, normal ,label", wish.label_of = labels, wish.user_of = user;
   g_autoptr(tc_pool) pool = tc_pool_new(3, NULL);
@@ -277,7 +277,7 @@ TEST(labels_have_the_values_of_another_volume) {
   tc_volume_desc near_grid = grid;
   memcpy(near_grid.origin, (double[3]){0}, sizeof near_grid.origin);
   g_autoptr(tc_volume) near = volume_of(&near_grid, few);
-  const tc_vmd_wish wish = {.low = DBL_MIN, .high = INFINITY, .labels = true, .attributes = "value,label", .value_of = near};
+  const tc_vmd_options wish = {.low = DBL_MIN, .high = INFINITY, .labels = true, .attributes = "value,label", .value_of = near};
   g_autoptr(tc_vmd) m = tc_vmd_of_volume(labels, &wish, NULL, NULL);
   assert_float_equal(m->head.grid.slope, 2, 0);
   assert_string_equal(m->head.grid.unit, "HU");
@@ -286,7 +286,7 @@ TEST(labels_have_the_values_of_another_volume) {
   expect_number(m, "label", record, noise(1, 0, 34));
   expect_number(m, "value", tc_vmd_voxel(m, 30, 10, 5), 0); /* outside: the least */
   g_autoptr(GError) error = NULL;
-  tc_vmd_wish wrong = wish;
+  tc_vmd_options wrong = wish;
   wrong.value_of = v; /* at x = -10 .. -8 */
   assert_null(tc_vmd_of_volume(labels, &wrong, NULL, &error));
   assert_non_null(strstr(error->message, "labels: it lies outside"));
@@ -304,7 +304,7 @@ TEST(numbers_that_an_attribute_cannot_hold_are_refused) {
   for (size_t i = 0; i < 2 * G_N_ELEMENTS(cases); i++) {
     g_autoptr(GError) error = NULL;
     g_autoptr(tc_volume) other = volume_of(cases[i / 2].desc, cases[i / 2].desc == &coarse ? label_noise : noise);
-    tc_vmd_wish wish = {.low = 0, .high = 255, .attributes = i % 2 ? "label" : "user"};
+    tc_vmd_options wish = {.low = 0, .high = 255, .attributes = i % 2 ? "label" : "user"};
     *(i % 2 ? &wish.label_of : &wish.user_of) = other;
     g_autoptr(tc_vmd) m = tc_vmd_of_volume(v, &wish, NULL, &error);
     const char *wanted = i % 2 ? cases[i / 2].labels : cases[i / 2].user;
@@ -323,24 +323,24 @@ static bool in_range(int x, int y, int z) {
 TEST(parts_of_models_are_models_of_the_volume) {
   g_autoptr(tc_pool) pool = tc_pool_new(3, NULL);
   g_autoptr(tc_volume) v = volume_of(&noisy, stretches);
-  tc_vmd *all = tc_vmd_of_volume(v, &(tc_vmd_wish){.low = 0, .high = INFINITY, .attributes = "value,user"}, NULL, NULL);
+  tc_vmd *all = tc_vmd_of_volume(v, &(tc_vmd_options){.low = 0, .high = INFINITY, .attributes = "value,user"}, NULL, NULL);
   g_autoptr(tc_volume) sparse = tc_vmd_volume(all, NULL);
   const double ranges[][2] = {{0, 255}, {100, 200}, {240.5, 300}, {255, 255}, {1e6, 1e7}};
   for (size_t i = 0; i < G_N_ELEMENTS(ranges); i++) {
-    const tc_vmd_wish wish = {.low = ranges[i][0], .high = ranges[i][1]};
+    const tc_vmd_options wish = {.low = ranges[i][0], .high = ranges[i][1]};
     g_autoptr(tc_vmd) part = tc_vmd_of_volume(sparse, &wish, pool, NULL);
     g_autoptr(tc_vmd) whole = tc_vmd_of_volume(v, &wish, pool, NULL);
     print_message("%g to %g: %llu voxels\n", wish.low, wish.high, (unsigned long long)whole->voxels);
     expect_same(part, whole);
   }
   g_autoptr(GError) error = NULL;
-  assert_null(tc_vmd_of_volume(sparse, &(tc_vmd_wish){.low = 0, .high = 9, .attributes = "value"}, NULL, &error));
+  assert_null(tc_vmd_of_volume(sparse, &(tc_vmd_options){.low = 0, .high = 9, .attributes = "value"}, NULL, &error));
   assert_true(g_error_matches(error, TC_ERROR, TC_ERROR_INVALID));
 }
 
 TEST(a_shell_leaves_out_what_has_six_filled_neighbours) {
   g_autoptr(tc_volume) v = volume_of(&noisy, noise);
-  g_autoptr(tc_vmd) m = tc_vmd_of_volume(v, &(tc_vmd_wish){.low = 80, .high = INFINITY, .shell = true}, NULL, NULL);
+  g_autoptr(tc_vmd) m = tc_vmd_of_volume(v, &(tc_vmd_options){.low = 80, .high = INFINITY, .shell = true}, NULL, NULL);
   for (int z = 0; z < 130; z++)
     for (int y = 0; y < 21; y++)
       for (int x = 0; x < 37; x++) {
@@ -359,7 +359,7 @@ static int ball(int x, int y, int z) {
 static int mask_of_ball(int x, int y, int z) { return ball(x, y, z) >= 100; }
 
 /* The largest and the mean angle between the normals of a ball's shell and its radii, degrees. */
-static double angle_of_normals(int (*value)(int x, int y, int z), tc_vmd_wish wish, double *mean) {
+static double angle_of_normals(int (*value)(int x, int y, int z), tc_vmd_options wish, double *mean) {
   const tc_volume_desc desc = {
       .dims = {25, 25, 25}, .type = TC_U8, .spacing = {1, 2, 1}, .slope = 1, .direction = {0, 1, 0, -1, 0, 0, 0, 0, 1}};
   g_autoptr(tc_volume) v = volume_of(&desc, value);
@@ -386,11 +386,11 @@ static double angle_of_normals(int (*value)(int x, int y, int z), tc_vmd_wish wi
 /* Of values, half a voxel, 1 mm of 9, further out than the voxel; of labels and of masks, from the voxels around, without
  * the steps of those. */
 TEST(normals_point_out_of_the_object) {
-  double mean, worst = angle_of_normals(ball, (tc_vmd_wish){.low = 100}, &mean);
+  double mean, worst = angle_of_normals(ball, (tc_vmd_options){.low = 100}, &mean);
   print_message("furthest from the radius: %.2f degrees\n", worst);
   assert_true(worst < 8);
   for (int labels = 0; labels < 2; labels++) {
-    worst = angle_of_normals(mask_of_ball, (tc_vmd_wish){.low = 1, .labels = labels}, &mean);
+    worst = angle_of_normals(mask_of_ball, (tc_vmd_options){.low = 1, .labels = labels}, &mean);
     print_message("furthest: %.2f degrees, on average %.2f, of a %s\n", worst, mean, labels ? "label" : "mask");
     assert_true(worst < 20 && mean < 8);
   }
@@ -507,7 +507,7 @@ TEST(attributes_that_are_not_there_are_refused) {
   static const char *const wrong[] = {"label", "value,value", "density", "value,,normal"};
   for (size_t i = 0; i < G_N_ELEMENTS(wrong); i++) {
     g_autoptr(GError) error = NULL;
-    assert_null(tc_vmd_of_volume(v, &(tc_vmd_wish){.low = 0, .high = 9, .attributes = wrong[i]}, NULL, &error));
+    assert_null(tc_vmd_of_volume(v, &(tc_vmd_options){.low = 0, .high = 9, .attributes = wrong[i]}, NULL, &error));
     print_message("%s: %s\n", wrong[i], error->message);
   }
 }

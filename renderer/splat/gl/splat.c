@@ -11,11 +11,11 @@
 #include "renderer/splat/mode.h"
 #include "renderer/splat/splatter.h"
 
-#define SOFTWARE_NS 100 /* a splat and pass, before any was measured */
+#define SOFTWARE_NS 100 /* for a splat in a pass, until measured */
 #define HARDWARE_NS 2
 #define BLOCK 8
 #define MOST_STEPS 57600
-#define SPLATS_EACH 64 /* of a brick, to each thread of a work-group */
+#define SPLATS_EACH 64 /* most splats of a brick for each thread of a work-group */
 
 enum { BLOCK_BUFFER, ENTRIES, DEPTHS, SUMS, TABLE, N_BUFFERS };
 
@@ -24,48 +24,48 @@ typedef struct splat_block {
   _Alignas(16) float axis[3][4];
   float direction0[4], direction_du[4], direction_dv[4], right[4], down[4], planes[TC_SPLAT_MOST_PLANES][4], color[4], to_index[3][4];
   uint8_t weights[65 * 16];
-  float size[2], scale, radius2, least2, near_mm, window_mm, core, core_root, full, open;
+  float size[2], scale, radius2, pixel_radius2, near_mm, window_mm, core2, core_share, full_weight, coreless_scale;
   int32_t perspective, culling, n_planes, stride, opaque;
-  float mass, most, move, touch;
+  float mass, most, shape_blend, core_radius;
   _Alignas(16) float covariant[3][4];
 } splat_block;
 
 typedef struct splat_entry { /* Entry of splat_pass.glsl */
   float at[4], eye[4];
-  uint32_t words[4]; /* first, count, faces | mixed << 8 | clipped << 9 | aslant << 16, planes that are near */
-  float starts[(TC_SPLAT_MOST_PLANES + 3) / 4 * 4]; /* of the planes, at its first voxel */
+  uint32_t words[4]; /* first, count, seen | mixed << 8 | clipped << 9 | aslant << 16, planes that may clip it */
+  float starts[(TC_SPLAT_MOST_PLANES + 3) / 4 * 4]; /* values of the planes at its voxel 0 */
 } splat_entry;
 
 typedef struct drawing {
   const tc_gl_frame *gl;
   tc_splat_frame of;
-  tc_splat_look *look; /* NULL: of one colour */
+  tc_splat_appearance *appearance; /* NULL: one colour */
   tc_progress *progress;
-  const tc_gl_lookup *words[2]; /* of the splats, of the cut */
-  splat_entry *entries;         /* of a tile: of the splats, then of the cut */
-  int n[2], rows;               /* of pixels, that a work-group fills */
+  const tc_gl_lookup *words[2]; /* packed splats: the model's, the cut faces' */
+  splat_entry *entries;         /* of a tile: the model's, then the cut faces' */
+  int n[2], rows;               /* numbers of entries; rows of pixels for each work-group */
   tc_gl_batch batch;
   unsigned buffers[N_BUFFERS]; /* block, entries, depths, sums, table */
 } drawing;
 
 /* ---- a frame's constants ---- */
 
-/* Translucent: what one splat may add to a pixel's optical depth, so that whole numbers of 2^-20 hold all that meet there in
- * a sheet: as many as voxels of it lie under the widest footprint, were they half as far apart as along the axes. */
+/* Translucent: largest optical depth that a splat may add to a pixel, so that integers in units of 2^-20 hold the sum of a sheet. The
+ * number of splats at a pixel is bounded by the voxels under the widest footprint, taken as half as far apart as along the axes. */
 static float most_depth(const drawing *d) {
   const tc_splat_args *g = &d->of.args;
   float far = 1e-3f, least = INFINITY;
   for (int i = 0; i < d->of.n_entries; i++) far = fmaxf(far, d->of.entries[i].at[2]);
   for (int k = 0; k < 3; k++) least = fminf(least, hypotf(hypotf(g->axis[0][k], g->axis[1][k]), g->axis[2][k]));
   const float pixels = 0.5f * least * g->scale / (g->perspective ? far : 1);
-  return 2048 / ((float)M_PI * (4 * g->radius2 + g->least2 / (pixels * pixels)) + 1);
+  return 2048 / ((float)M_PI * (4 * g->radius2 + g->pixel_radius2 / (pixels * pixels)) + 1);
 }
 
 static void fill_block(const drawing *d, splat_block *b) {
   const tc_splat_args *g = &d->of.args;
-  *b = (splat_block){.size = {g->width, g->height}, .scale = g->scale, .radius2 = g->radius2, .least2 = g->least2,
-                     .near_mm = g->near_mm, .window_mm = g->window_mm, .core = g->core, .core_root = g->core_root,
-                     .full = g->full, .open = g->open, .perspective = g->perspective, .culling = g->culling, .n_planes = g->n_planes, .stride = d->look ? 8 : 4, .opaque = g->opaque, .mass = g->mass, .most = most_depth(d), .move = g->move, .touch = g->touch};
+  *b = (splat_block){.size = {g->width, g->height}, .scale = g->scale, .radius2 = g->radius2, .pixel_radius2 = g->pixel_radius2,
+                     .near_mm = g->near_mm, .window_mm = g->window_mm, .core2 = g->core2, .core_share = g->core_share,
+                     .full_weight = g->full_weight, .coreless_scale = g->coreless_scale, .perspective = g->perspective, .culling = g->culling, .n_planes = g->n_planes, .stride = d->appearance ? 8 : 4, .opaque = g->opaque, .mass = g->mass, .most = most_depth(d), .shape_blend = g->shape_blend, .core_radius = g->core_radius};
   for (int k = 0; k < 3; k++) {
     memcpy(b->axis[k], g->axis[k], sizeof g->axis[k]);
     memcpy(b->covariant[k], g->covariant[k], sizeof g->covariant[k]);
@@ -78,21 +78,22 @@ static void fill_block(const drawing *d, splat_block *b) {
   memcpy(b->weights, g->weights, sizeof g->weights);
 }
 
-/* Words, their insets, four a word, of a cut the rims, and the entries of their voxels' looks, the colour's in the low half. */
+/* Packed splats in one buffer: words; insets, four to a word; rims of cut faces; and table indices of colour (low half) and
+ * extinction. */
 typedef struct packing {
   const tc_splats *of;
-  const tc_splat_look *look;
+  const tc_splat_appearance *appearance;
 } packing;
 
 static size_t words_size(const tc_splats *s) { return (s->n * sizeof(uint32_t) + 31) / 16 * 16; }
 
 static size_t rims_at(const tc_splats *s) { return words_size(s) + (s->n + 15) / 16 * 16; }
 
-static size_t looks_at(const tc_splats *s) { return rims_at(s) + (s->rims ? words_size(s) : 0); }
+static size_t appearance_at(const tc_splats *s) { return rims_at(s) + (s->rims ? words_size(s) : 0); }
 
 static size_t packed_bytes(const void *thing) {
   const packing *p = thing;
-  return looks_at(p->of) + (p->look ? words_size(p->of) : 0);
+  return appearance_at(p->of) + (p->appearance ? words_size(p->of) : 0);
 }
 
 static bool pack_words(const void *thing, void *bytes, const tc_halt *halt) {
@@ -104,9 +105,9 @@ static bool pack_words(const void *thing, void *bytes, const tc_halt *halt) {
   return true;
 }
 
-static bool pack_looks(const void *thing, void *bytes, const tc_halt *halt) {
+static bool pack_appearance(const void *thing, void *bytes, const tc_halt *halt) {
   const packing *p = thing;
-  uint32_t *looks = (uint32_t *)bytes + looks_at(p->of) / sizeof *looks;
+  uint32_t *appearance = (uint32_t *)bytes + appearance_at(p->of) / sizeof *appearance;
   pack_words(thing, bytes, halt);
   tc_splat_brick brick = {0};
   size_t from = 0;
@@ -118,8 +119,8 @@ static bool pack_looks(const void *thing, void *bytes, const tc_halt *halt) {
       int at[3];
       uint16_t entries[2];
       for (int k = 0; k < 3; k++) at[k] = brick.at[k] * TC_SPLAT_BRICK + (int)(word >> 4 * k & 15);
-      tc_splat_look_at(p->look, at, entries);
-      looks[i] = entries[0] | (uint32_t)entries[1] << 16;
+      tc_splat_appearance_at(p->appearance, at, entries);
+      appearance[i] = entries[0] | (uint32_t)entries[1] << 16;
     }
   }
   return true;
@@ -129,18 +130,18 @@ static bool upload(drawing *d, GError **error) {
   const tc_frame_job *job = d->gl->job;
   const tc_splats *of[2] = {job->have.splats, job->have.cut};
   for (int i = 0; i < 2 && of[i]; i++) {
-    const packing thing = {of[i], d->look};
-    const tc_gl_packing packing = {"splats", packed_bytes, d->look ? pack_looks : pack_words, &thing};
-    const uint64_t volume = tc_volume_serial(job->source), serial = of[i]->serial << 8 | (d->look ? tc_splat_look_of(d->look) : 0);
+    const packing thing = {of[i], d->appearance};
+    const tc_gl_packing packing = {"splats", packed_bytes, d->appearance ? pack_appearance : pack_words, &thing};
+    const uint64_t volume = tc_volume_serial(job->source), serial = of[i]->serial << 8 | (d->appearance ? tc_splat_appearance_key(d->appearance) : 0);
     d->words[i] = tc_gl_textures_packed(d->gl->textures, &packing, serial, volume, job->halt, error);
     if (!d->words[i]) return false;
   }
   return true;
 }
 
-static void put_table(drawing *d) {
+static void upload_table(drawing *d) {
   int n = 1;
-  const float(*table)[4] = d->look ? tc_splat_look_table(d->look, &n) : NULL;
+  const float(*table)[4] = d->appearance ? tc_splat_appearance_table(d->appearance, &n) : NULL;
   glNamedBufferStorage(d->buffers[TABLE], (GLsizeiptr)n * (GLsizeiptr)sizeof *table, table, 0);
 }
 
@@ -153,7 +154,7 @@ static void make_buffers(drawing *d) {
   glNamedBufferStorage(d->buffers[ENTRIES], (GLsizeiptr)(((size_t)d->of.n_entries + 1) * sizeof *d->entries), NULL, GL_DYNAMIC_STORAGE_BIT);
   glNamedBufferStorage(d->buffers[DEPTHS], (GLsizeiptr)((side * side + blocks * blocks) * 4), NULL, 0);
   glNamedBufferStorage(d->buffers[SUMS], (GLsizeiptr)(side * side * 4 * (size_t)block.stride), NULL, 0);
-  put_table(d);
+  upload_table(d);
   glBindBufferBase(GL_UNIFORM_BUFFER, 1, d->buffers[BLOCK_BUFFER]);
   for (GLuint i = ENTRIES; i <= SUMS; i++) glBindBufferBase(GL_SHADER_STORAGE_BUFFER, 4 + i, d->buffers[i]);
   if (d->of.args.shaded)
@@ -162,7 +163,7 @@ static void make_buffers(drawing *d) {
 
 /* ---- tiles ---- */
 
-static void put_entry(drawing *d, const tc_splat_entry *e) {
+static void add_entry(drawing *d, const tc_splat_entry *e) {
   const int *at = e->brick.at;
   splat_entry *to = &d->entries[d->n[0] + d->n[1]];
   *to = (splat_entry){.words = {e->brick.first, e->brick.count}};
@@ -185,20 +186,20 @@ static void collect_entries(drawing *d, const int tile[4]) {
   d->n[0] = d->n[1] = 0;
   for (int cut = 0; cut < 2; cut++)
     for (int i = 0; i < d->of.n_entries; i++)
-      if ((d->of.entries[i].of != d->of.of) == cut && in_tile(&d->of.entries[i], tile)) put_entry(d, &d->of.entries[i]);
+      if ((d->of.entries[i].of != d->of.of) == cut && in_tile(&d->of.entries[i], tile)) add_entry(d, &d->of.entries[i]);
   glNamedBufferSubData(d->buffers[ENTRIES], 0, (GLsizeiptr)((size_t)(d->n[0] + d->n[1]) * sizeof *d->entries), d->entries);
 }
 
-/* A work-group fills the footprints of a brick in so many rows that none of its 64 threads meets more than MOST_STEPS
- * pixels: drivers in software end loops after 65535 steps, and others after a while. */
+/* Rows of pixels for each work-group, so that none of its 64 threads visits more than MOST_STEPS pixels: software drivers end loops
+ * after 65535 iterations, and hardware drivers after some time. */
 static int rows_of(const drawing *d) {
   const tc_splat_args *g = &d->of.args;
   double size = 0;
   for (int k = 0; k < 3; k++) size += pow(hypot(g->axis[0][k], hypot(g->axis[1][k], g->axis[2][k])), 2);
   const double near = g->perspective && d->of.n_entries ? fmax(d->of.entries[0].near_mm, g->near_mm) : 1;
   const double aside = g->perspective ? hypot(g->width, g->height) / (2 * g->scale) : 0; /* tangent, in a corner */
-  const double voxels = sqrt(g->radius2) * tc_splat_longest(g);
-  const double reach = sqrt(size) * voxels * g->scale / near * sqrt(1 + aside * aside) + sqrt(g->least2);
+  const double voxels = sqrt(g->radius2) * tc_splat_longest_kernel(g);
+  const double reach = sqrt(size) * voxels * g->scale / near * sqrt(1 + aside * aside) + sqrt(g->pixel_radius2);
   const double wide = fmin(2 * reach + 1, d->progress->side);
   return SPLATS_EACH * wide * wide <= MOST_STEPS ? d->progress->side : (int)fmax(1, MOST_STEPS / (SPLATS_EACH * wide));
 }
@@ -208,7 +209,7 @@ static void use(const drawing *d, int pass, const int tile[4]) {
   glProgramUniform4i(d->gl->programs[pass], 0, tile[0], tile[1], tile[2], tile[3]);
 }
 
-/* Bricks in batches. False: halted. */
+/* Runs a pass over the tile's bricks in batches. False: halted. */
 static bool run_pass(drawing *d, int pass, const int tile[4]) {
   const tc_splats *of[2] = {d->gl->job->have.splats, d->gl->job->have.cut};
   const int end = d->n[0] + d->n[1], bands = (tile[3] + d->rows - 1) / d->rows;
@@ -220,7 +221,7 @@ static bool run_pass(drawing *d, int pass, const int tile[4]) {
     for (const double most = tc_gl_batch_most(&d->batch); i < last && n < most; i++) n += d->entries[i].words[1];
     glBindBufferBase(GL_SHADER_STORAGE_BUFFER, 4, d->words[cut]->buffer);
     glProgramUniform1ui(d->gl->programs[pass], 1, (GLuint)from);
-    glProgramUniform1ui(d->gl->programs[pass], 2, d->look ? (GLuint)(looks_at(of[cut]) / sizeof(uint32_t)) : 0);
+    glProgramUniform1ui(d->gl->programs[pass], 2, d->appearance ? (GLuint)(appearance_at(of[cut]) / sizeof(uint32_t)) : 0);
     glProgramUniform1ui(d->gl->programs[pass], 6, cut ? (GLuint)(rims_at(of[cut]) / sizeof(uint32_t)) : 0);
     glProgramUniform1ui(d->gl->programs[pass], 5, (GLuint)(words_size(of[cut]) / sizeof(uint32_t)));
     glDispatchCompute((GLuint)(i - from), (GLuint)bands, 1);
@@ -233,11 +234,11 @@ static bool run_pass(drawing *d, int pass, const int tile[4]) {
 
 /* ---- translucent ---- */
 
-/* The tile's bricks of one layer along the axis. */
+/* Collects the tile's bricks in one layer along the axis. */
 static void collect_layer(drawing *d, const int tile[4], int axis, int layer) {
   d->n[0] = d->n[1] = 0;
   for (int i = 0; i < d->of.n_entries; i++)
-    if (d->of.entries[i].brick.at[axis] == layer && in_tile(&d->of.entries[i], tile)) put_entry(d, &d->of.entries[i]);
+    if (d->of.entries[i].brick.at[axis] == layer && in_tile(&d->of.entries[i], tile)) add_entry(d, &d->of.entries[i]);
   if (d->n[0]) glNamedBufferSubData(d->buffers[ENTRIES], 0, (GLsizeiptr)((size_t)d->n[0] * sizeof *d->entries), d->entries);
 }
 
@@ -252,7 +253,7 @@ static bool run_sheet(drawing *d, const int tile[4], int axis, int place) {
   return true;
 }
 
-/* Sheets of voxels outwards from the eye, first on its far side (side 1), then behind it. False: halted. */
+/* Draws the sheets of voxels on one side of the eye (1 or -1 along the axis), nearest first. False: halted. */
 static bool run_sheets(drawing *d, const int tile[4], int axis, double eye, int side) {
   const tc_frame_job *job = d->gl->job;
   const int n = tc_volume_describe(job->have.labels ? job->label_volume : job->source)->dims[axis];
@@ -306,9 +307,9 @@ static bool draw(const tc_gl_frame *gl, GError **error) {
                                .frame = job->frame};
   drawing d = {.gl = gl, .batch.unit_ns = gl->hardware ? HARDWARE_NS : SOFTWARE_NS};
   d.progress = tc_frame_cut(job->frame, (int)sqrt(gl->most), error);
-  if (!d.progress || !tc_splat_look_make(job, &d.look, error)) return false;
+  if (!d.progress || !tc_splat_appearance_make(job, &d.appearance, error)) return false;
   if (!tc_splat_frame_begin(&d.of, &splats, error)) {
-    tc_splat_look_free(d.look);
+    tc_splat_appearance_free(d.appearance);
     return false;
   }
   d.entries = malloc(((size_t)d.of.n_entries + 1) * sizeof *d.entries);
@@ -316,11 +317,11 @@ static bool draw(const tc_gl_frame *gl, GError **error) {
   const bool drawn = d.entries && draw_frame(&d, error);
   free(d.entries);
   tc_splat_frame_end(&d.of);
-  tc_splat_look_free(d.look);
+  tc_splat_appearance_free(d.appearance);
   return drawn;
 }
 
-/* A brick without splats, on a tile without pixels. */
+/* Draws a brick without splats on a tile without pixels. */
 static void warm(const tc_gl_frame *gl, int n_passes) {
   static const int tile[4] = {0};
   const splat_entry nothing = {0};

@@ -1,8 +1,8 @@
-/* Mode splat through OpenGL: as the cpu's splatter draws them (splat/splatter.h).
+/* Mode splat in OpenGL compute shaders: the algorithm of the CPU's splatter (splat/splatter.h).
  *
- * Compute shaders put the cores' depths into a tile, then the weights and normals of what is not behind them, as sums of
- * whole numbers: neither the order of splats nor culling changes a bit. What lies at a footprint's rim, or between two
- * steps of the footprint's table, may round another way than on the cpu. Translucent sheets are sums of whole numbers, too. */
+ * One pass draws the cores' depths into a tile, another adds up weights and normals of the splats that are not occluded. Sums are
+ * integers, also those of translucent sheets, so that neither the order of splats nor culling changes a bit. At the edge of a
+ * footprint, or between two entries of the footprint table, rounding may differ from the CPU's. */
 #ifndef TC_SPLAT_GL_SPLAT_H
 #define TC_SPLAT_GL_SPLAT_H
 

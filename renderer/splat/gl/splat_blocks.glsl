@@ -1,4 +1,4 @@
-// PASS 2: of each block of pixels the farthest depth.
+// PASS 2: the greatest depth of each block of pixels.
 void main() {
   ivec2 block = ivec2(gl_GlobalInvocationID.xy);
   if (any(greaterThanEqual(block * BLOCK, tile.zw)))

@@ -1,21 +1,21 @@
-// Splats of bricks into the tile, in tile_tmpl.h's steps: a work-group for each brick. PASS 1: depths of the cores; PASS 3:
-// weights and normals of what is not behind them. PASS 4, translucent: optical depths and colours of a sheet of voxels.
+// Draws the splats of bricks into the tile, as tile_tmpl.h does: a work-group for each brick and band of rows. PASS 1: depths of
+// cores. PASS 3: weights and normals of splats that are not occluded. PASS 4, translucent: optical depths and colours of a sheet.
 struct Entry { vec4 at, eye; uvec4 words; vec4 starts[5]; }; // splat_entry of splat.c
-layout(std430, binding = 3) readonly buffer Table { vec4 table[]; }; // tc_splat_look_table()
-layout(std430, binding = 4) readonly buffer Words { uint words[]; }; // of splats; their insets; of a cut the rims; and, where they have colours, of their looks
+layout(std430, binding = 3) readonly buffer Table { vec4 table[]; }; // tc_splat_appearance_table()
+layout(std430, binding = 4) readonly buffer Words { uint words[]; }; // packed splats: packing of splat.c
 layout(std430, binding = 5) readonly buffer Entries { Entry entries[]; };
 layout(location = 1) uniform uint first_entry;
-layout(location = 2) uniform uint first_look; // 0: of one colour
-layout(location = 4) uniform int rows;         // of the tile, to each work-group of a brick
+layout(location = 2) uniform uint first_appearance; // 0: one colour
+layout(location = 4) uniform int rows;         // of the tile, for each work-group of a brick
 layout(location = 5) uniform uint first_inset;
-layout(location = 6) uniform uint first_rim; // 0: the splats of the whole object
-layout(location = 3) uniform uvec2 sheet;      // PASS 4: four times the axis; a voxel's place along it in its brick
+layout(location = 6) uniform uint first_rim; // 0: not cut faces
+layout(location = 3) uniform uvec2 sheet;      // PASS 4: four times the axis; coordinate along it within the brick
 
-// cut: a plane may cut it; then origin is the point that is seen at its place, index coordinates from the brick's voxel 0, and
-// cut_x and cut_y are the steps on the surface that a pixel is. planes: those that cut it, bits. Of a cut's face the object's
-// surface may cut it, too: it ends where dot(rim.xyz, place) > rim.w, and of a sheet where it is below back.
+// cut: a plane may clip it; then origin is the surface's position at its centre, in index coordinates from the brick's voxel 0,
+// and cut_x and cut_y are the steps on the surface for a pixel along x and y. planes: bits of the planes that clip it. The object's
+// surface may clip a cut face: where dot(rim.xyz, position) > rim.w, and at a sheet's other side where it is less than back.
 struct Footprint {
-  vec2 at; float z; vec3 q; vec2 reach; float own; uint word, inset, look;
+  vec2 at; float z; vec3 q; vec2 reach; float area_ratio2; uint word, inset, appearance;
   bool cut; vec3 origin, cut_x, cut_y; vec4 rim; float back; uint planes;
 };
 
@@ -27,12 +27,12 @@ uint seen_faces(Entry e, vec3 d) {
   return seen;
 }
 
-// How far a point is on the kept side of plane i.
+// Distance in mm of a position from plane i, positive on the kept side.
 float away(Entry e, int i, vec3 d) {
   return fma(d.z, splat.planes[i].z, fma(d.y, splat.planes[i].y, d.x * splat.planes[i].x)) + e.starts[i / 4][i % 4];
 }
 
-// planes: those that count, bits. beyond: voxels that a point may lie beyond one.
+// planes: bits of the planes to test. beyond: distance in voxels that a position may lie beyond a plane.
 bool kept(Entry e, uint planes, vec3 d, float beyond) {
   for (; planes != 0u; planes &= planes - 1u) {
     int i = findLSB(planes);
@@ -61,7 +61,7 @@ const uint SHEET = 0u, END = 2u, DOT = 3u; // tc_splat_thin
 
 bool is_thin(uint word) { return (word >> 12 & word >> 13 & 0x15u) != 0u; }
 
-// Of shape_tmpl.h; eye: from the voxel, index coordinates.
+// As in shape_tmpl.h; eye: relative to the voxel, in index coordinates.
 struct Shape { vec3 axis; float along, across, middle, surface; bool on_surface, front; };
 
 float core_of(Shape s, vec3 eye) {
@@ -79,35 +79,35 @@ Shape shape_of(uint word, uint stored, vec3 eye, inout vec3 at) {
   if (stored == 0u)
     return s;
   vec3 way = vec3(dot(splat.axis[0].xyz, s.axis), dot(splat.axis[1].xyz, s.axis), dot(splat.axis[2].xyz, s.axis));
-  float thick = float(stored & 63u) / 63.0, surface = (float(stored) - 1.0) * (splat.move / 254.0), along = FLAT, across = 1.0;
+  float thick = float(stored & 63u) / 63.0, surface = (float(stored) - 1.0) * (splat.shape_blend / 254.0), along = FLAT, across = 1.0;
   uint what = stored >> 6;
   if (is_thin(word)) {
     float on = float(stored & 7u) * (LONG / 7.0);
-    along = what == SHEET || what == DOT ? thick : what == END ? (on + splat.touch) * (0.5 / splat.touch) : LONG;
+    along = what == SHEET || what == DOT ? thick : what == END ? (on + splat.core_radius) * (0.5 / splat.core_radius) : LONG;
     across = what == SHEET ? 1.0 : what == END ? float(stored >> 3 & 7u) * 0.1 + 0.3 : thick;
     if (what == END)
-      s.middle = (on - splat.touch) * 0.5 * splat.move;
+      s.middle = (on - splat.core_radius) * 0.5 * splat.shape_blend;
   } else {
-    s.middle = surface - FLAT * splat.touch * splat.move, s.surface = surface, s.on_surface = true;
+    s.middle = surface - FLAT * splat.core_radius * splat.shape_blend, s.surface = surface, s.on_surface = true;
   }
   at += way * vec3(s.middle, s.middle, s.surface);
   s.front = s.on_surface && dot(eye, s.axis) > 0.0;
-  s.along = fma(along - 1.0, splat.move, 1.0), s.across = fma(across - 1.0, splat.move, 1.0);
+  s.along = fma(along - 1.0, splat.shape_blend, 1.0), s.across = fma(across - 1.0, splat.shape_blend, 1.0);
   if (!is_thin(word) || what == SHEET)
 #if PASS == 1
     s.along = core_of(s, eye);
 #else
-    s.along = splat.open > 1.0 ? max(s.along, core_of(s, eye) * splat.core_root) : core_of(s, eye);
+    s.along = splat.coreless_scale > 1.0 ? max(s.along, core_of(s, eye) * splat.core_share) : core_of(s, eye);
 #endif
   return s;
 }
 
 vec3 stretched(Shape s, vec3 row) { return fma(vec3((s.along - s.across) * dot(row, s.axis)), s.axis, row * s.across); }
 
-// Voxels that a kernel reaches from its own.
-float beyond() { return fma(sqrt(splat.radius2), fma(LONG - 1.0, splat.move, 1.0), splat.move); }
+// Distance in voxels that a kernel reaches from its voxel.
+float clip_reach() { return fma(sqrt(splat.radius2), fma(LONG - 1.0, splat.shape_blend, 1.0), splat.shape_blend); }
 
-// find_cuts() of cut_tmpl.h. rim: of a cut.
+// find_cuts() of cut_tmpl.h. rim: of a cut face, else 0.
 void set_cut(Entry e, Shape own, vec3 d, vec3 jx, vec3 jy, uint rim, inout Footprint f) {
   vec3 area = cross(jx, jy), normal = splat.axis[2].xyz;
   float facing = dot(own.axis, area);
@@ -119,11 +119,11 @@ void set_cut(Entry e, Shape own, vec3 d, vec3 jx, vec3 jy, uint rim, inout Footp
   f.planes = e.words.w;
   for (uint left = first_rim == 0u ? e.words.w : 0u; left != 0u; left &= left - 1u) {
     int i = findLSB(left);
-    if (!(away(e, i, d) < beyond() * length(splat.planes[i].xyz)))
+    if (!(away(e, i, d) < clip_reach() * length(splat.planes[i].xyz)))
       f.planes &= ~(1u << i);
   }
   if (first_rim != 0u && !is_thin(f.word)) {
-    vec3 place = d + own.axis * (own.surface / splat.move);
+    vec3 place = d + own.axis * (own.surface / splat.shape_blend);
     float least = 1e30;
     for (uint left = e.words.w; left != 0u; left &= left - 1u) {
       int i = findLSB(left);
@@ -140,24 +140,24 @@ void set_cut(Entry e, Shape own, vec3 d, vec3 jx, vec3 jy, uint rim, inout Footp
     return;
   vec3 out_of = axis_of(rim);
   float inset = float(rim & 255u), middle = dot(out_of, d);
-  float out_by = is_thin(rim) ? fma(inset / 63.0 - 1.0, splat.move, 1.0) * splat.touch : (inset - 1.0) / 254.0;
+  float out_by = is_thin(rim) ? fma(inset / 63.0 - 1.0, splat.shape_blend, 1.0) * splat.core_radius : (inset - 1.0) / 254.0;
   f.rim = vec4(out_of, middle + out_by), f.back = is_thin(rim) ? middle - out_by : -1e30;
 }
 
-// False: it is not seen, or does not meet the tile.
+// False: the splat faces away or does not meet the tile.
 bool project(Entry e, uint word, uint stored, uint rim, out Footprint f) {
   vec3 d = vec3(word & 15u, word >> 4 & 15u, word >> 8 & 15u);
   uint own_faces = word >> 12 & 63u, faces = own_faces & ((e.words.z & 256u) != 0u ? seen_faces(e, d) : e.words.z);
   vec3 at = vec3(along(0, d, e.at.x), along(1, d, e.at.y), along(2, d, e.at.z));
   Shape own = Shape(vec3(0.0), 1.0, 1.0, 0.0, 0.0, false, false);
-  if (PASS != 4 && splat.move > 0.0)
+  if (PASS != 4 && splat.shape_blend > 0.0)
     own = shape_of(word, stored, e.eye.xyz - d, at);
   if ((own_faces & e.words.z >> 16) != 0u && (own.front || is_thin(word)))
     faces = own_faces;
   float x = at.x, y = at.y, u = 0.0, v = 0.0, scale = splat.scale;
   f.word = word, f.inset = stored, f.cut = (e.words.z & 512u) != 0u;
   f.z = at.z;
-  if ((PASS != 4 && faces == 0u) || !(splat.near_mm < f.z) || (f.cut && first_rim == 0u && !kept(e, e.words.w, d, own.front ? beyond() : 0.0)))
+  if ((PASS != 4 && faces == 0u) || !(splat.near_mm < f.z) || (f.cut && first_rim == 0u && !kept(e, e.words.w, d, own.front ? clip_reach() : 0.0)))
     return false;
   if (splat.perspective != 0) {
     float inverse = 1.0 / f.z;
@@ -176,13 +176,13 @@ bool project(Entry e, uint word, uint stored, uint rim, out Footprint f) {
   vec3 across = cross(jx, jy);
   scale = scale * scale * splat.radius2;
   float xx = dot(jx, jx) * scale, yy = dot(jy, jy) * scale, xy = dot(jx, jy) * scale, area = dot(across, across) * scale * scale;
-  float inverse = 1.0 / fma(splat.least2, xx + yy + splat.least2, area);
-  xx += splat.least2, yy += splat.least2;
-  f.own = area * inverse;
+  float inverse = 1.0 / fma(splat.pixel_radius2, xx + yy + splat.pixel_radius2, area);
+  xx += splat.pixel_radius2, yy += splat.pixel_radius2;
+  f.area_ratio2 = area * inverse;
   f.q = vec3(yy, -xy, xx) * inverse;
   f.reach = sqrt(vec2(xx, yy));
 #if PASS == 1
-  f.reach *= splat.core_root;
+  f.reach *= splat.core_share;
 #endif
   return all(greaterThan(f.at + f.reach, vec2(0.0))) && all(lessThan(f.at - f.reach, vec2(tile.zw)));
 }
@@ -209,7 +209,7 @@ vec3 line_direction(vec3 n) {
   return way;
 }
 
-// tile_tmpl.h's, of the same name.
+// find_orientation() of tile_tmpl.h.
 vec3 normal_of(Footprint f) {
   vec3 n = unfolded(f.word), eye = -direction_at(f.at + vec2(tile.xy));
   if (!is_thin(f.word))
@@ -231,7 +231,7 @@ int weight_at(float q) {
 void put(Entry e, Footprint f, ivec2 from, ivec2 to) {
   for (int y = from.y; y <= to.y; y++)
     for (int x = from.x; x <= to.x; x++)
-      if (distance_at(f, vec2(x, y)) < splat.core && !is_cut(e, f, vec2(x, y)))
+      if (distance_at(f, vec2(x, y)) < splat.core2 && !is_cut(e, f, vec2(x, y)))
         atomicMin(nearest[y * tile.z + x], ordered(f.z));
 }
 #elif PASS == 4
@@ -244,11 +244,11 @@ float mass_of(Footprint f) {
     float step = splat.perspective != 0 ? m.x * p.x + m.y * p.y + m.z : m.z;
     square += step * step;
   }
-  return splat.mass * sqrt(along / square) * sqrt(f.own);
+  return splat.mass * sqrt(along / square) * sqrt(f.area_ratio2);
 }
 
 void put(Entry e, Footprint f, ivec2 from, ivec2 to) {
-  vec4 look = vec4(table[f.look & 0xffffu].rgb, table[f.look >> 16].a);
+  vec4 look = vec4(table[f.appearance & 0xffffu].rgb, table[f.appearance >> 16].a);
   if (any(lessThan(to, from)) || !(look.a > 0.0))
     return;
 #if SHADED
@@ -277,32 +277,32 @@ bool hidden(float z, ivec2 from, ivec2 to) {
   return true;
 }
 
-// set_way(), is_round() and round_normal() of tile_tmpl.h.
-struct Rounding { vec3 front; mat2x3 across; mat2 way; }; // way: a column for each of across
+// As in round_tmpl.h.
+struct Rounding { vec3 front; mat2x3 across; mat2 per_pixel; }; // per_pixel: a column for each of across
 
-vec2 way_of(Footprint f, vec3 across) {
+vec2 per_pixel_of(Footprint f, vec3 across) {
   vec2 u = vec2(dot(across, splat.right.xyz), dot(across, splat.down.xyz));
   float det = f.q.x * f.q.z - f.q.y * f.q.y;
-  float reach2 = splat.core * (f.q.z * u.x * u.x - 2.0 * f.q.y * u.x * u.y + f.q.x * u.y * u.y) / det;
-  return reach2 > 0.0 ? u * (splat.move / sqrt(reach2)) : vec2(0.0);
+  float reach2 = splat.core2 * (f.q.z * u.x * u.x - 2.0 * f.q.y * u.x * u.y + f.q.x * u.y * u.y) / det;
+  return reach2 > 0.0 ? u * (splat.shape_blend / sqrt(reach2)) : vec2(0.0);
 }
 
 bool is_round(Footprint f, vec3 front, out Rounding r) {
   uint what = f.inset >> 6;
   r = Rounding(front, mat2x3(0.0), mat2(0.0));
-  if (!is_thin(f.word) || what == SHEET || !(splat.move > 0.0))
+  if (!is_thin(f.word) || what == SHEET || !(splat.shape_blend > 0.0))
     return false;
   r.across[0] = splat.right.xyz;
   if (what == DOT)
-    r.across[1] = splat.down.xyz, r.way[1] = way_of(f, r.across[1]);
+    r.across[1] = splat.down.xyz, r.per_pixel[1] = per_pixel_of(f, r.across[1]);
   else
     r.across[0] = cross(normalize(line_direction(unfolded(f.word))), front);
-  r.way[0] = way_of(f, r.across[0]);
+  r.per_pixel[0] = per_pixel_of(f, r.across[0]);
   return true;
 }
 
 vec3 round_normal(Rounding r, vec2 d) {
-  vec2 s = d * r.way;
+  vec2 s = d * r.per_pixel;
   float square = dot(s, s);
   return r.across * (s / sqrt(max(square, 1.0))) + sqrt(max(1.0 - square, 0.0)) * r.front;
 }
@@ -315,14 +315,14 @@ void put(Entry e, Footprint f, ivec2 from, ivec2 to) {
   Rounding r;
   bool rounded = is_round(f, normal, r);
   ivec3 n = ivec3(roundEven(normal * 127.0)), c = ivec3(0);
-  if (first_look != 0u)
-    c = ivec3(roundEven(table[f.look & 0xffffu].rgb * 255.0));
+  if (first_appearance != 0u)
+    c = ivec3(roundEven(table[f.appearance & 0xffffu].rgb * 255.0));
   for (int y = from.y; y <= to.y; y++)
     for (int x = from.x; x <= to.x; x++) {
       float q = distance_at(f, vec2(x, y));
       int at = y * tile.z + x, sum = at * splat.stride;
       float apart = (f.z - depth_of(nearest[at])) / splat.window_mm;
-      q = nearest[at] == FAR ? q * splat.open : q + apart * apart * apart * apart;
+      q = nearest[at] == FAR ? q * splat.coreless_scale : q + apart * apart * apart * apart;
       if (!(q < 1.0) || !(z < depth_of(nearest[at])) || is_cut(e, f, vec2(x, y)))
         continue;
       int weight = weight_at(q);
@@ -331,7 +331,7 @@ void put(Entry e, Footprint f, ivec2 from, ivec2 to) {
       atomicAdd(sums[sum], weight);
       for (int k = 0; k < 3; k++)
         atomicAdd(sums[sum + 1 + k], weight * n[k]);
-      for (int k = 0; k < 3 && first_look != 0u; k++)
+      for (int k = 0; k < 3 && first_appearance != 0u; k++)
         atomicAdd(sums[sum + 4 + k], weight * c[k]);
     }
 }
@@ -345,7 +345,7 @@ void main() {
     uint inset = words[first_inset + (e.words.x + i >> 2)] >> 8 * (e.words.x + i & 3u) & 255u;
     if ((PASS == 4 && (word >> sheet.x & 15u) != sheet.y) || !project(e, word, inset, first_rim != 0u ? words[first_rim + e.words.x + i] : 0u, f))
       continue;
-    f.look = first_look != 0u ? words[first_look + e.words.x + i] : 0u;
+    f.appearance = first_appearance != 0u ? words[first_appearance + e.words.x + i] : 0u;
     vec2 r = f.reach;
     ivec2 from = ivec2(max(f.at - r + 0.5, vec2(0.0))), to = ivec2(floor(min(f.at + r - 0.5, vec2(tile.zw - 1))));
     int first = int(gl_WorkGroupID.y) * rows;

@@ -1,4 +1,4 @@
-// The mean of the splats at a pixel, lit.
+// Mean of the splats at a pixel, shaded.
 #if DEPTH
 layout(std430, binding = 3) writeonly buffer Depth { float depths[]; }; // [h][w] mm from the eye
 #endif
@@ -19,7 +19,7 @@ void main() {
     return;
   }
   uint sum = at * uint(splat.stride);
-  float weight = float(sums[sum]), alpha = nearest[at] == FAR ? min(weight * (1.0 / splat.full), 1.0) : 1.0;
+  float weight = float(sums[sum]), alpha = nearest[at] == FAR ? min(weight * (1.0 / splat.full_weight), 1.0) : 1.0;
   vec2 p = vec2(tile.xy + place) + 0.5;
   vec4 color = vec4(splat.color.rgb, 1.0);
   if (splat.stride > 4)
@@ -28,7 +28,7 @@ void main() {
   if (weight > 0.0) {
     vec3 n = vec3(sums[sum + 1u], sums[sum + 2u], sums[sum + 3u]) / max(weight, 1.0);
     vec3 eye = -normalize(splat.direction0.xyz + p.x * splat.direction_du.xyz + p.y * splat.direction_dv.xyz);
-    n -= min(dot(n, eye), 0.0) * eye; // one side is lit
+    n -= min(dot(n, eye), 0.0) * eye; // normals that face away become perpendicular to the view
     color = shade(color, n, n, eye);
   }
 #endif

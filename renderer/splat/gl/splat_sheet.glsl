@@ -1,5 +1,5 @@
-// Translucent. PASS 5: puts the sheet that was added up behind what is there, and makes room for the next: of a pixel's eight
-// numbers the sheet's optical depth and colours, in units of 1 / SCALE; the colours and the opacity of all, as bits of floats.
+// Translucent. PASS 5: composites the current sheet behind the earlier ones and clears it. A pixel has eight numbers: the sheet's
+// optical depth and colours, in units of 1 / SCALE; and colours and opacity of all sheets, as bits of floats.
 void main() {
   ivec2 p = ivec2(gl_GlobalInvocationID.xy);
   if (any(greaterThanEqual(p, tile.zw)))
@@ -8,7 +8,7 @@ void main() {
   if (sums[at] == 0)
     return;
   float depth = float(uint(sums[at])) / SCALE, before = 1.0 - intBitsToFloat(sums[at + 7]);
-  bool thin = depth <= 1e-3; // (1 - clear) / depth goes to 1
+  bool thin = depth <= 1e-3; // (1 - clear) / depth has the limit 1
   float clear = thin ? 1.0 - depth + 0.5 * depth * depth : exp(-depth);
   float share = before * (thin ? 1.0 - 0.5 * depth : (1.0 - clear) / depth);
   for (int k = 0; k < 3; k++)

@@ -1,4 +1,4 @@
-#include "renderer/splat/pile.h"
+#include "renderer/splat/builder.h"
 
 #include <math.h>
 #include <stdatomic.h>
@@ -7,29 +7,29 @@
 
 #include "renderer/splat/normal.h"
 
-tc_splat_pile tc_splat_pile_new(void) {
-  return (tc_splat_pile){g_array_new(FALSE, FALSE, sizeof(tc_splat_brick)), g_array_new(FALSE, FALSE, sizeof(uint32_t)),
+tc_splat_builder tc_splat_builder_new(void) {
+  return (tc_splat_builder){g_array_new(FALSE, FALSE, sizeof(tc_splat_brick)), g_array_new(FALSE, FALSE, sizeof(uint32_t)),
                 g_array_new(FALSE, FALSE, 1)};
 }
 
-void tc_splat_pile_free(tc_splat_pile p) {
+void tc_splat_builder_free(tc_splat_builder p) {
   if (p.bricks) g_array_unref(p.bricks);
   if (p.words) g_array_unref(p.words);
   if (p.insets) g_array_unref(p.insets);
 }
 
-void tc_splat_begin_brick(const tc_splat_pile *p, const int at[3]) {
+void tc_splat_begin_brick(const tc_splat_builder *p, const int at[3]) {
   const tc_splat_brick brick = {.first = p->words->len, .at = {at[0], at[1], at[2]}};
   g_array_append_val(p->bricks, brick);
 }
 
-void tc_splat_add_word(const tc_splat_pile *p, uint32_t word, uint8_t inset) {
+void tc_splat_add_word(const tc_splat_builder *p, uint32_t word, uint8_t inset) {
   g_array_append_val(p->words, word);
   g_array_append_val(p->insets, inset);
   g_array_index(p->bricks, tc_splat_brick, p->bricks->len - 1).faces |= word >> 12 & 63;
 }
 
-void tc_splat_add(const tc_splat_pile *p, const int at[3], unsigned faces, const double normal[3], uint8_t inset) {
+void tc_splat_add(const tc_splat_builder *p, const int at[3], unsigned faces, const double normal[3], uint8_t inset) {
   int folded[2] = {127, 127};
   if (faces) tc_octahedron_fold(normal, 63, folded);
   tc_splat_add_word(p, (uint32_t)(at[0] & 15) | (uint32_t)(at[1] & 15) << 4 | (uint32_t)(at[2] & 15) << 8 | faces << 12 |
@@ -40,7 +40,7 @@ enum { most_splats = TC_SPLAT_BRICK * TC_SPLAT_BRICK * TC_SPLAT_BRICK };
 
 tc_splat_curve tc_splat_curve_of(const tc_volume_desc *grid) {
   tc_splat_curve c = {0};
-  int left[3] = {4, 4, 4}; /* bits of a coordinate that no halving has used */
+  int left[3] = {4, 4, 4}; /* bits of each coordinate not yet used */
   for (int bit = 11; bit >= 0; bit--) {
     int axis = -1;
     for (int k = 0; k < 3; k++)
@@ -51,13 +51,13 @@ tc_splat_curve tc_splat_curve_of(const tc_volume_desc *grid) {
   return c;
 }
 
-/* The last brick's splats by their free faces, and of the same faces along the curve: neighbours in memory look away
- * from the eye, lie in a tile, and are hidden together. */
-static void sort_splats(const tc_splat_pile *p, const tc_splat_brick *brick, const tc_splat_curve *c) {
+/* Sorts the last brick's splats by their free faces, and those of equal faces along the curve: neighbours in memory then face away
+ * from the eye, lie in a tile and are occluded together. */
+static void sort_splats(const tc_splat_builder *p, const tc_splat_brick *brick, const tc_splat_curve *c) {
   const uint32_t n = brick->count, first = brick->first;
   uint32_t *words = &g_array_index(p->words, uint32_t, first), from[most_splats], next[65] = {0};
   uint8_t *insets = &g_array_index(p->insets, uint8_t, first), own[most_splats];
-  uint16_t at[most_splats]; /* which splat, by its number along the curve */
+  uint16_t at[most_splats]; /* splat of each number along the curve */
   uint64_t taken[most_splats / 64] = {0};
   memcpy(from, words, n * sizeof *words), memcpy(own, insets, n);
   for (uint32_t i = 0; i < n; i++) {
@@ -73,7 +73,7 @@ static void sort_splats(const tc_splat_pile *p, const tc_splat_brick *brick, con
     }
 }
 
-void tc_splat_end_brick(const tc_splat_pile *p, const tc_splat_curve *c) {
+void tc_splat_end_brick(const tc_splat_builder *p, const tc_splat_curve *c) {
   tc_splat_brick *brick = &g_array_index(p->bricks, tc_splat_brick, p->bricks->len - 1);
   brick->count = p->words->len - brick->first;
   if (!brick->count)
@@ -82,33 +82,33 @@ void tc_splat_end_brick(const tc_splat_pile *p, const tc_splat_curve *c) {
     sort_splats(p, brick, c);
 }
 
-/* Writes a brick and returns how many bytes it takes, 10 at most. */
+/* Packs a brick. Returns its bytes, at most 10. */
 static size_t pack_brick(const tc_splat_brick *brick, const int before[3], uint8_t *to) {
   const int *at = brick->at, x = at[0] - before[0], z = at[2] - before[2];
   const bool many = brick->count >= 63, aside = at[1] != before[1];
-  const tc_splat_way way = !aside && !x && z == 1                                              ? TC_SPLAT_NEXT
+  const tc_splat_step step = !aside && !x && z == 1                                              ? TC_SPLAT_NEXT
                            : !aside && !x && z > 0 && z < 256                                  ? TC_SPLAT_FURTHER
                            : !aside && x >= 0 && x < 256 && z >= INT8_MIN && z <= INT8_MAX ? TC_SPLAT_COLUMN
                                                                                                : TC_SPLAT_ELSEWHERE;
   uint8_t *p = to;
-  *p++ = (uint8_t)((many ? 63 : brick->count) | (unsigned)way << 6);
+  *p++ = (uint8_t)((many ? 63 : brick->count) | (unsigned)step << 6);
   if (many) *p++ = (uint8_t)brick->count, *p++ = (uint8_t)(brick->count >> 8);
-  if (way == TC_SPLAT_COLUMN) *p++ = (uint8_t)x;
-  if (way == TC_SPLAT_FURTHER || way == TC_SPLAT_COLUMN) *p++ = (uint8_t)z;
-  for (int k = 0; k < 3 && way == TC_SPLAT_ELSEWHERE; k++) *p++ = (uint8_t)at[k], *p++ = (uint8_t)(at[k] >> 8);
+  if (step == TC_SPLAT_COLUMN) *p++ = (uint8_t)x;
+  if (step == TC_SPLAT_FURTHER || step == TC_SPLAT_COLUMN) *p++ = (uint8_t)z;
+  for (int k = 0; k < 3 && step == TC_SPLAT_ELSEWHERE; k++) *p++ = (uint8_t)at[k], *p++ = (uint8_t)(at[k] >> 8);
   if (brick->count >= 16) *p++ = brick->faces;
   return (size_t)(p - to);
 }
 
-/* The bricks of all piles, packed, and how many there are; NULL: no memory. */
-static uint8_t *pack_bricks(const tc_splat_pile *piles, int count, uint32_t *n_bricks, size_t *bytes) {
+/* Packs the bricks of all builders; sets their number and bytes. NULL: out of memory. */
+static uint8_t *pack_bricks(const tc_splat_builder *builders, int count, uint32_t *n_bricks, size_t *bytes) {
   int before[3] = {0};
   size_t n = 0;
-  for (int i = 0; i < count; i++) n += piles[i].bricks->len;
+  for (int i = 0; i < count; i++) n += builders[i].bricks->len;
   uint8_t *packed = malloc(10 * n + 1), *to = packed, *small;
   for (int i = 0; i < count && packed; i++)
-    for (guint b = 0; b < piles[i].bricks->len; b++) {
-      const tc_splat_brick *brick = &g_array_index(piles[i].bricks, tc_splat_brick, b);
+    for (guint b = 0; b < builders[i].bricks->len; b++) {
+      const tc_splat_brick *brick = &g_array_index(builders[i].bricks, tc_splat_brick, b);
       to += pack_brick(brick, before, to);
       memcpy(before, brick->at, sizeof before);
     }
@@ -125,11 +125,11 @@ void tc_splats_free(tc_splats *splats) {
   free(splats);
 }
 
-tc_splats *tc_splat_join(const tc_splat_pile *piles, int count, GError **error) {
+tc_splats *tc_splat_join(const tc_splat_builder *builders, int count, GError **error) {
   static atomic_uint_fast64_t serials;
   uint64_t words = 0;
   size_t bricks = 0;
-  for (int i = 0; i < count; i++) words += piles[i].words->len;
+  for (int i = 0; i < count; i++) words += builders[i].words->len;
   if (words > TC_SPLAT_MOST) {
     tc_set_error(error, TC_ERROR_LIMIT, "/splat/threshold",
                  "splat/threshold: the object has more than %u surface voxels; choose a narrower range",
@@ -138,7 +138,7 @@ tc_splats *tc_splat_join(const tc_splat_pile *piles, int count, GError **error) 
   }
   tc_splats *s = calloc(1, sizeof *s);
   if (s)
-    s->bricks = pack_bricks(piles, count, &s->n_bricks, &bricks),
+    s->bricks = pack_bricks(builders, count, &s->n_bricks, &bricks),
     s->words = calloc(words + TC_SPLAT_PAD, sizeof *s->words), s->insets = calloc(words + TC_SPLAT_PAD, 1);
   if (!s || !s->bricks || !s->words || !s->insets) {
     tc_splats_free(s);
@@ -146,11 +146,11 @@ tc_splats *tc_splat_join(const tc_splat_pile *piles, int count, GError **error) 
     return NULL;
   }
   for (int i = 0; i < count; i++) {
-    if (piles[i].words->len) {
-      memcpy(s->words + s->n, piles[i].words->data, piles[i].words->len * sizeof *s->words);
-      memcpy(s->insets + s->n, piles[i].insets->data, piles[i].insets->len);
+    if (builders[i].words->len) {
+      memcpy(s->words + s->n, builders[i].words->data, builders[i].words->len * sizeof *s->words);
+      memcpy(s->insets + s->n, builders[i].insets->data, builders[i].insets->len);
     }
-    s->n += piles[i].words->len;
+    s->n += builders[i].words->len;
   }
   s->serial = atomic_fetch_add(&serials, 1) + 1;
   s->bytes = sizeof *s + bricks + 1 + (words + TC_SPLAT_PAD) * (sizeof *s->words + 1);
