@@ -15,9 +15,8 @@ V_INLINE vf4 shade_segment(const tc_cpu_args *args, variant v, const packet *p, 
 }
 
 /* Colour and opacity of a segment: classified and tinted by labels. */
-V_INLINE vf4 colour_segment(const tc_cpu_args *args, variant v, const packet *p, const ray_segment *s,
-                            tc_cpu_counts *counts) {
-  vf4 c = segment(args, v, p, s, counts);
+V_INLINE vf4 colour_segment(const tc_cpu_args *args, variant v, const packet *p, const ray_segment *s) {
+  vf4 c = segment(args, v, p, s);
   if (v.labels && m_any(v_lt(v_set(0), c.a))) c = label_segment(args, p, segment_middle_mm(p, s), c);
   return c;
 }
@@ -25,7 +24,7 @@ V_INLINE vf4 colour_segment(const tc_cpu_args *args, variant v, const packet *p,
 /* The same, shaded. */
 V_INLINE vf4 draw_segment(const tc_cpu_args *args, variant v, const packet *p, const lighting *light,
                           const ray_segment *s, tc_cpu_counts *counts) {
-  vf4 c = colour_segment(args, v, p, s, counts);
+  vf4 c = colour_segment(args, v, p, s);
   const vm visible = m_and(s->live, v_lt(v_set(0), c.a));
   if (v.shaded && m_any(visible)) {
     counts->gradients += (uint64_t)m_count(visible);
@@ -100,14 +99,17 @@ V_INLINE void cast_packet(const tc_cpu_args *args, variant v, const place *at, v
     }
     const vm active = (float)i < p.most_delay ? m_and(live, v_le(v_set(0), t0)) : live;
     counts->samples += (uint64_t)m_count(active);
-    if (v.classification != TC_PREINTEGRATED2 && all_zero(args, front, back, active)) {
+    const bool second = v.classification == TC_PREINTEGRATED2;
+    if (!second && all_zero(args, front, back, active)) {
       live = m_and(live, v_lt(t1, p.length));
       front = back, back = next;
       if (cell) shift_slopes(slopes);
       continue;
     }
-    const ray_segment s = {i, t0, t1, front, back, active, at_front, at_back};
-    vf4 c = later ? colour_segment(args, v, &p, &s, counts) : draw_segment(args, v, &p, &light, &s, counts);
+    const vf middle = second ? march_middle(args, v, &p, &m, i, middle_mm(&p, t0, t1), active) : front;
+    if (second) counts->samples += (uint64_t)m_count(active);
+    const ray_segment s = {i, t0, t1, front, middle, back, active, at_front, at_back};
+    vf4 c = later ? colour_segment(args, v, &p, &s) : draw_segment(args, v, &p, &light, &s, counts);
     vf weight = v_select(active, clear, v_set(0));
     if (later) {
       const vm visible = m_and(active, v_lt(v_set(0), c.a));

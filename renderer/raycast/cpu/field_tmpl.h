@@ -110,6 +110,24 @@ V_INLINE corners load_corners(const tc_cpu_args *args, int type, const v_places 
   return c;
 }
 
+/* The corners of the cells at these offsets, by one function per voxel type. */
+#define LOAD_CALLED(name, type)                                                                                       \
+  V_ONCE corners load_##name(const tc_cpu_args *args, vi off) {                                                       \
+    const v_places at = v_place(off);                                                                                 \
+    return load_corners(args, TYPE_##name, &at);                                                                      \
+  }
+SIMD_VOXELS(LOAD_CALLED)
+
+V_INLINE corners call_corners(const tc_cpu_args *args, int type, vi off) {
+  switch (type) {
+  case TC_U8: return load_u8(args, off);
+  case TC_I8: return load_i8(args, off);
+  case TC_U16: return load_u16(args, off);
+  case TC_I16: return load_i16(args, off);
+  default: return load_f32(args, off);
+  }
+}
+
 #ifndef V_NEAR /* an instruction set without neighbourhoods */
 #define V_NEAR_U8 4
 #define V_NEAR_I8 4
@@ -190,8 +208,13 @@ V_INLINE vf interpolate(int type, const corners *c, const vf f[3], vf *gradient)
 V_INLINE vf sample_field(const tc_cpu_args *args, variant v, const packet *p, vf t, vf *gradient) {
   if (v.filter != TC_FILTER_LINEAR && !gradient) return sample_filtered(args, v, p, t);
   const spot s = spot_at(args, p, t);
-  const v_places at = v_place(cell_offset(args, s.cell));
-  const corners c = load_corners(args, v.type, &at);
+  corners c;
+  if (v.any_type) {
+    c = call_corners(args, v.type, cell_offset(args, s.cell));
+  } else {
+    const v_places at = v_place(cell_offset(args, s.cell));
+    c = load_corners(args, v.type, &at);
+  }
   vf linear = interpolate(v.type, &c, s.f, gradient);
   return v.filter == TC_FILTER_LINEAR ? linear : sample_filtered(args, v, p, t);
 }

@@ -38,8 +38,7 @@ V_INLINE vf4 cast_rays(const tc_cpu_args *args, variant v, const place *at, skip
   ROW(cell_##name##_leap, .type = voxels, .shaded = 1, .terminate = 1, .leap = 1)                                     \
   ROW(lit_##name, .type = voxels, .shaded = 1, .gradient = TC_GRADIENT_CENTRAL, .terminate = 1)                       \
   ROW(lit_##name##_leap, .type = voxels, .shaded = 1, .gradient = TC_GRADIENT_CENTRAL, .terminate = 1, .leap = 1)     \
-  ROW(options_##name, .type = voxels, OPTIONS)                                                                        \
-  ROW(second_order_##name, .type = voxels, .classification = TC_PREINTEGRATED2, OPTIONS)                              \
+  ROW(options_##name, .type = voxels, .classification = BY_KEY, OPTIONS)                                              \
   ROW(mip_##name, .type = voxels, .mode = TC_MODE_MIP)                                                                \
   ROW(mip_##name##_leap, .type = voxels, .mode = TC_MODE_MIP, .leap = 1)                                              \
   ROW(average_##name, .type = voxels, .mode = TC_MODE_AVERAGE)                                                        \
@@ -48,8 +47,7 @@ V_INLINE vf4 cast_rays(const tc_cpu_args *args, variant v, const place *at, skip
   ROW(slab_minip_##name, .type = voxels, .mode = TC_MODE_MPR, .slab = 1 + TC_SLAB_MINIP)                              \
   ROW(slab_average_##name, .type = voxels, .mode = TC_MODE_MPR, .slab = 1 + TC_SLAB_AVERAGE)
 
-/* Back to front, other filters and other classifications of all voxel types share one kernel, because kernels are slow
- * to compile. */
+/* Back to front and other filters of all voxel types share one kernel, because kernels are slow to compile. */
 #define REST(ROW)                                                                                                     \
   ROW(rest, .mode = BY_KEY, .type = BY_KEY, .filter = BY_KEY, .slab = BY_KEY, .classification = BY_KEY,               \
       .back_to_front = BY_KEY, OPTIONS)

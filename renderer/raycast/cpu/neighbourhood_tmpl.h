@@ -100,24 +100,6 @@ V_INLINE march start_march(const tc_cpu_args *args, variant v, packet *p, bool m
 }
 
 #ifdef V_NEAR
-/* For lanes that do not fit: too rare to be inlined. */
-#define LOAD_APART(name, type)                                                                                        \
-  V_ONCE corners load_##name(const tc_cpu_args *args, vi off) {                                                       \
-    const v_places at = v_place(off);                                                                                 \
-    return load_corners(args, TYPE_##name, &at);                                                                      \
-  }
-SIMD_VOXELS(LOAD_APART)
-
-V_INLINE corners load_apart(const tc_cpu_args *args, int type, vi off) {
-  switch (type) { /* a constant after inlining */
-  case TC_U8: return load_u8(args, off);
-  case TC_I8: return load_i8(args, off);
-  case TC_U16: return load_u16(args, off);
-  case TC_I16: return load_i16(args, off);
-  default: return load_f32(args, off);
-  }
-}
-
 V_INLINE void prefetch_rows(const tc_cpu_args *args, int type, ptrdiff_t first) {
   const ptrdiff_t row = args->grid.row, slice = args->grid.slice;
   const char *p = (const char *)args->grid.voxels + first * voxel_bytes(type);
@@ -125,13 +107,13 @@ V_INLINE void prefetch_rows(const tc_cpu_args *args, int type, ptrdiff_t first) 
   for (int k = 0; k < 16; k++) __builtin_prefetch(p + ((k >> 2) * slice + (k & 3) * row) * voxel_bytes(type));
 }
 
-/* The lowest cell of the neighbourhood of step i. Returns its offset in voxels. */
-V_INLINE ptrdiff_t near_first(const tc_cpu_args *args, int type, const march *m, int i, int least[3]) {
+/* The lowest cell of the neighbourhood at step i, which may lie between two steps. Returns its offset in voxels. */
+V_INLINE ptrdiff_t near_first(const tc_cpu_args *args, int type, const march *m, float i, int least[3]) {
   const ptrdiff_t along[3] = {1, args->grid.row, args->grid.slice};
   ptrdiff_t first = 0;
 #pragma GCC unroll 3
   for (int k = 0; k < 3; k++) {
-    int base = (int)(m->lo[k] + (float)i * m->rise[k]), most = args->grid.cell_last[k] + 2 - (k ? 4 : near_width(type));
+    int base = (int)(m->lo[k] + i * m->rise[k]), most = args->grid.cell_last[k] + 2 - (k ? 4 : near_width(type));
     base = base < most ? base : most;
     least[k] = base > 0 ? base : 0;
     first += least[k] * along[k];
@@ -166,29 +148,29 @@ V_INLINE bool inner_places(const tc_cpu_args *args, int type, const packet *p, c
 }
 
 /* The corners of the lanes' cells at step i, and the positions in them. needs: lanes whose sample will be used; the others
- * need not fit. inner: step i is known to be an inner step. */
-V_INLINE corners march_near(const tc_cpu_args *args, int type, const packet *p, const march *m, int i, vf t, vm needs,
-                            bool inner, vf f[3]) {
+ * need not fit. inner: step i is known to be an inner step. middle: t is half a step further. */
+V_INLINE corners march_near(const tc_cpu_args *args, int type, const packet *p, const march *m, int i, bool middle, vf t,
+                            vm needs, bool inner, vf f[3]) {
   int least[3];
   vi at;
   bool fit;
-  const ptrdiff_t first = near_first(args, type, m, i, least);
-  prefetch_rows(args, type, first + m->ahead);
-  if (inner || __builtin_expect(inner_steps(m, i, i + 1) > 0, 1)) {
+  const ptrdiff_t first = near_first(args, type, m, (float)i + (middle ? 0.5f : 0), least);
+  if (!middle) prefetch_rows(args, type, first + m->ahead);
+  if (inner || __builtin_expect(inner_steps(m, i, i + 1 + middle) > middle, 1)) {
     fit = inner_places(args, type, p, m, t, needs, least, &at, f);
   } else {
     const spot s = spot_at(args, p, t);
     for (int k = 0; k < 3; k++) f[k] = s.f[k];
     fit = !m_any(m_andnot(needs, near_places(type, least, s.cell, &at)));
   }
-  if (__builtin_expect(!fit, 0)) return load_apart(args, type, cell_offset(args, spot_at(args, p, t).cell));
+  if (__builtin_expect(!fit, 0)) return call_corners(args, type, cell_offset(args, spot_at(args, p, t).cell));
   return near_corners(args, type, first, at);
 }
 
 /* march_voxel() at an inner step, without a test of that. */
 V_INLINE vf inner_voxel(const tc_cpu_args *args, variant v, const packet *p, const march *m, int i, vf t, vm needs) {
   vf f[3];
-  const corners c = march_near(args, v.type, p, m, i, t, needs, true, f);
+  const corners c = march_near(args, v.type, p, m, i, false, t, needs, true, f);
   return interpolate(v.type, &c, f, NULL);
 }
 #endif
@@ -200,10 +182,11 @@ V_INLINE vf march_voxel(const tc_cpu_args *args, variant v, const packet *p, con
 #ifdef V_NEAR
   if (m->near) {
     vf f[3];
-    const corners c = march_near(args, v.type, p, m, i, t, needs, false, f);
+    const corners c = march_near(args, v.type, p, m, i, false, t, needs, false, f);
     return interpolate(v.type, &c, f, gradient);
   }
 #endif
+  if (v.any_type) return sample_field(args, v, p, t, gradient);
   const spot s = spot_at(args, p, t);
   const v_places at = v_place(cell_offset(args, s.cell));
   const corners c = load_corners(args, v.type, &at);
@@ -218,12 +201,24 @@ V_INLINE vf march_node(const tc_cpu_args *args, variant v, const packet *p, cons
   return node_of(args, march_voxel(args, v, p, m, i, t, needs, gradient));
 }
 
+/* The node at t mm along the rays, in the middle between steps i and i + 1. */
+V_INLINE vf march_middle(const tc_cpu_args *args, variant v, const packet *p, const march *m, int i, vf t, vm needs) {
+#ifdef V_NEAR
+  if (m->near && v.filter == TC_FILTER_LINEAR) {
+    vf f[3];
+    const corners c = march_near(args, v.type, p, m, i, true, t, needs, false, f);
+    return node_of(args, interpolate(v.type, &c, f, NULL));
+  }
+#endif
+  return sample_node(args, v, p, t, NULL);
+}
+
 /* Prefetches what the first steps of a run read, from step `first` on: march_voxel() prefetches PREFETCH_STEPS ahead. */
 V_INLINE void prefetch_run(const tc_cpu_args *args, variant v, const march *m, int first, int end) {
 #ifdef V_NEAR
   int least[3];
   if (!m->near) return;
   if (end > first + PREFETCH_STEPS) end = first + PREFETCH_STEPS;
-  for (int i = first; i <= end; i += 3) prefetch_rows(args, v.type, near_first(args, v.type, m, i, least));
+  for (int i = first; i <= end; i += 3) prefetch_rows(args, v.type, near_first(args, v.type, m, (float)i, least));
 #endif
 }

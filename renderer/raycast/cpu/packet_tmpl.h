@@ -29,6 +29,7 @@ typedef struct variant {
 #define MEMBER(name) int8_t name;
   VARIANT_MEMBERS(MEMBER)
 #undef MEMBER
+  bool any_type; /* `type` is read from the key: samples are loaded by functions, so that the kernel compiles fast */
 } variant;
 
 typedef struct packet {

@@ -33,10 +33,11 @@ V_INLINE void linearise_subtables(const tc_cpu_args *args, vf *front, vf middle,
 }
 
 /* Segment i of a packet's rays: from sample front at t0 mm to back at t1 mm or the ray's end, whichever comes first.
- * Samples are nodes; with cell gradients, the samples' gradients over index coordinates, else NULL. */
+ * Samples are nodes; middle: the one halfway, of classification preintegrated2; with cell gradients, the samples' gradients over
+ * index coordinates, else NULL. */
 typedef struct ray_segment {
   int i;
-  vf t0, t1, front, back;
+  vf t0, t1, front, middle, back;
   vm live;
   const vf *front_gradient, *back_gradient;
 } ray_segment;
@@ -61,18 +62,16 @@ V_ONCE vf4 classify_1d(const tc_cpu_args *args, variant v, const packet *p, cons
   return classify_by_integrals(args, v, s->front, s->back, length_mm);
 }
 
-V_INLINE vf segment_middle_mm(const packet *p, const ray_segment *s) {
-  return v_set(0.5f) * (s->t0 + v_min(s->t1, p->length));
-}
+V_INLINE vf middle_mm(const packet *p, vf t0, vf t1) { return v_set(0.5f) * (t0 + v_min(t1, p->length)); }
 
-V_INLINE vf4 segment(const tc_cpu_args *args, variant v, const packet *p, const ray_segment *s, tc_cpu_counts *counts) {
+V_INLINE vf segment_middle_mm(const packet *p, const ray_segment *s) { return middle_mm(p, s->t0, s->t1); }
+
+V_INLINE vf4 segment(const tc_cpu_args *args, variant v, const packet *p, const ray_segment *s) {
   vf front = s->front, back = s->back;
   if (v.classification == TC_PREINTEGRATED) return classify_part(args, v, p, s, front, back);
   if (v.classification == TC_PREINTEGRATED2) {
-    vf middle = sample_node(args, v, p, segment_middle_mm(p, s), NULL);
-    if (v.subtables) linearise_subtables(args, &front, middle, &back);
-    else linearise(&front, middle, &back);
-    counts->samples += (uint64_t)m_count(s->live);
+    if (v.subtables) linearise_subtables(args, &front, s->middle, &back);
+    else linearise(&front, s->middle, &back);
     return classify_part(args, v, p, s, front, back);
   }
   const ray_segment copy = *s; /* the callee takes an address: that of *s would force the whole march into memory */

@@ -62,6 +62,7 @@ V_INLINE variant wanted_variant(const tc_plan_key *key) {
  * exclude is not compiled. */
 V_INLINE variant specialise(variant row, const tc_plan_key *key) {
   const variant wanted = wanted_variant(key);
+  row.any_type = row.type == BY_KEY;
 #define MEMBER(name) if (row.name == BY_KEY) row.name = wanted.name;
   VARIANT_MEMBERS(MEMBER)
 #undef MEMBER
