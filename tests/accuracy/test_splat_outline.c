@@ -110,14 +110,27 @@ static void pixel_ray(const tc_rays *rays, int x, int y, double at[3], double wa
   normalise3(way);
 }
 
+typedef struct solid {
+  test_field field;
+  const void *context;
+} solid;
+
+/* The greatest depth between from and to on a line, or `deepest`, which is greater. Depths are distances: from the middle of an
+ * interval to its ends they change by half its length at most. */
+static double deepest_between(const solid *s, const double at[3], const double way[3], double from, double to, double deepest) {
+  const double half = 0.5 * (to - from), t = from + half;
+  const double depth = within_sides(s->field, s->context, (double[]){at[0] + t * way[0], at[1] + t * way[1], at[2] + t * way[2]});
+  deepest = fmax(deepest, depth);
+  if (half < 0.0625 || depth + half <= deepest) return deepest;
+  return deepest_between(s, at, way, t, to, deepest_between(s, at, way, from, t, deepest));
+}
+
 /* Of a pixel's ray, how deep it goes into the solid; negative: by how much it misses the solid. */
-static double deepest_of(const tc_rays *rays, test_field field, const void *context, int x, int y) {
-  double at[3], way[3], deepest = -INFINITY, nearest = 0; /* to the middle */
+static double deepest_of(const tc_rays *rays, const solid *s, int x, int y) {
+  double at[3], way[3], nearest = 0; /* to the middle */
   pixel_ray(rays, x, y, at, way);
   for (int k = 0; k < 3; k++) nearest += (middle[k] - at[k]) * way[k];
-  for (double t = nearest - 40; t < nearest + 40; t += 0.125)
-    deepest = fmax(deepest, within_sides(field, context, (double[]){at[0] + t * way[0], at[1] + t * way[1], at[2] + t * way[2]}));
-  return deepest;
+  return deepest_between(s, at, way, nearest - 40, nearest + 40, -INFINITY);
 }
 
 static double everywhere(double x, double y, double z, const void *context) { return 50; }
@@ -126,10 +139,7 @@ static double everywhere(double x, double y, double z, const void *context) { re
 TEST(ends_with_the_grid_are_flat) {
   static const rod rods[] = {{2, {0.3, -0.15}, 8}, {1, {0, 0}, 10}, {0, {0.4, 0.2}, 5}};
   static const double wide_ball[2] = {23, 0};
-  const struct {
-    test_field field;
-    const void *context;
-  } solids[] = {{rod_at, &rods[0]}, {rod_at, &rods[1]}, {rod_at, &rods[2]}, {blob, wide_ball}, {everywhere, NULL}};
+  const solid solids[] = {{rod_at, &rods[0]}, {rod_at, &rods[1]}, {rod_at, &rods[2]}, {blob, wide_ball}, {everywhere, NULL}};
   for (int i = 0; i < (int)G_N_ELEMENTS(solids); i++) {
     g_auto(object) o = object_of(&cube, solids[i].field, solids[i].context);
     g_auto(drawing) d = {0};
@@ -147,7 +157,7 @@ TEST(ends_with_the_grid_are_flat) {
       tc_rays_set_up(&rays, o.volume, &scene, WIDE, WIDE);
       for (int y = 0; y < WIDE; y += 2)
         for (int x = 0; x < WIDE; x += 2) {
-          const double deepest = deepest_of(&rays, solids[i].field, solids[i].context, x, y);
+          const double deepest = deepest_of(&rays, &solids[i], x, y);
           if (is_shown(&d, x, y)) over = fmax(over, -deepest);
           else under = fmax(under, deepest);
         }
