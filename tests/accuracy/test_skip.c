@@ -443,8 +443,12 @@ static double beside_oracle(tc_renderer *r, tc_volume *v, const char *name) {
   tc_fit_find(&fit, v);
   tc_scene_dress(&s, v, &fit, false);
   s.shading.model = TC_SHADING_NONE;
-  s.camera.fov_y_deg *= 0.3;
   s.image.width = s.image.height = 140;
+  const double *spacing = tc_volume_describe(v)->spacing;
+  const double height_mm = 0.5 * s.image.height * fmin(spacing[0], fmin(spacing[1], spacing[2]));
+  double away = 0;
+  for (int k = 0; k < 3; k++) away = hypot(away, s.camera.target[k] - s.camera.position[k]);
+  s.camera.fov_y_deg = 360 / M_PI * atan(0.5 * height_mm / away);
   render(r, v, &s, &f);
   const double took = (double)f.stats.samples, exact = oracle_of(v, &s);
   s.skipping.mode = TC_SKIPPING_OFF;
@@ -455,8 +459,8 @@ static double beside_oracle(tc_renderer *r, tc_volume *v, const char *name) {
   return took / exact;
 }
 
-/* Built-in volumes; with TC_LONG those of TC_DATA too, for the eye: thin ones of few slices take up to twice as many.
- */
+/* Built-in volumes; with TC_LONG those of TC_DATA too. Where pixels are wider, rays of a packet lie further apart, and each takes
+ * samples for its neighbours: the visible human's head with pixels of 1.1 voxels 1.17 of the oracle's. */
 TEST(samples_are_near_the_oracle) {
   static const char *const demos[] = {"head", "vessels", "bucky", "marschner-lobb"};
   g_autoptr(tc_renderer) r = tc_renderer_new(&(tc_renderer_options){.backend = TC_BACKEND_CPU}, NULL);
@@ -469,7 +473,7 @@ TEST(samples_are_near_the_oracle) {
   for (const char *name; dir && (name = g_dir_read_name(dir));) {
     g_autofree char *path = g_build_filename(folder, name, NULL);
     tc_volume *v = tc_import(path, NULL, NULL);
-    if (v) beside_oracle(r, v, name);
+    if (v) worst = fmax(worst, beside_oracle(r, v, name));
   }
   if (dir) g_dir_close(dir);
   assert_true(worst > 0.9 && worst <= 1.1);
