@@ -460,7 +460,7 @@ static double beside_oracle(tc_renderer *r, tc_volume *v, const char *name) {
 }
 
 /* Built-in volumes; with TC_LONG those of TC_DATA too. Where pixels are wider, rays of a packet lie further apart, and each takes
- * samples for its neighbours: the visible human's head with pixels of 1.1 voxels 1.17 of the oracle's. */
+ * samples for its neighbours: the visible human's head with pixels of 1.65 voxels 1.17 of the oracle's. */
 TEST(samples_are_near_the_oracle) {
   static const char *const demos[] = {"head", "vessels", "bucky", "marschner-lobb"};
   g_autoptr(tc_renderer) r = tc_renderer_new(&(tc_renderer_options){.backend = TC_BACKEND_CPU}, NULL);
