@@ -86,10 +86,10 @@ void tc_splat_end_brick(const tc_splat_builder *p, const tc_splat_curve *c) {
 static size_t pack_brick(const tc_splat_brick *brick, const int before[3], uint8_t *to) {
   const int *at = brick->at, x = at[0] - before[0], z = at[2] - before[2];
   const bool many = brick->count >= 63, aside = at[1] != before[1];
-  const tc_splat_step step = !aside && !x && z == 1                                              ? TC_SPLAT_NEXT
-                           : !aside && !x && z > 0 && z < 256                                  ? TC_SPLAT_FURTHER
-                           : !aside && x >= 0 && x < 256 && z >= INT8_MIN && z <= INT8_MAX ? TC_SPLAT_COLUMN
-                                                                                               : TC_SPLAT_ELSEWHERE;
+  const tc_splat_step step = !aside && !x && z == 1                                          ? TC_SPLAT_NEXT
+                             : !aside && !x && z > 0 && z < 256                              ? TC_SPLAT_FURTHER
+                             : !aside && x >= 0 && x < 256 && z >= INT8_MIN && z <= INT8_MAX ? TC_SPLAT_COLUMN
+                                                                                             : TC_SPLAT_ELSEWHERE;
   uint8_t *p = to;
   *p++ = (uint8_t)((many ? 63 : brick->count) | (unsigned)step << 6);
   if (many) *p++ = (uint8_t)brick->count, *p++ = (uint8_t)(brick->count >> 8);

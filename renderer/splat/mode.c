@@ -150,8 +150,8 @@ bool tc_splat_appearance_make(const tc_frame_job *job, tc_splat_appearance **mad
   tc_splat_appearance *m = calloc(1, sizeof *m);
   if (m) {
     *m = (tc_splat_appearance){.volume = job->have.labels ? job->label_volume : job->source,
-                         .labels = job->have.labels,
-                         .model = tc_volume_model(job->source)};
+                               .labels = job->have.labels,
+                               .model = tc_volume_model(job->source)};
     set_attribute(m, job->scene);
     m->n = m->labels ? MIN(m->labels->n + 1, UINT16_MAX + 1) : NODES + more[m->added];
     m->table = calloc((size_t)m->n, sizeof *m->table);

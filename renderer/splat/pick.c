@@ -20,7 +20,7 @@ typedef struct pick {
   double pixel[2];         /* perspective: pixel position from the picture's middle; orthographic: 0, the ray starts at the pixel */
   double from, to;         /* range of t within the volume's box, widened by the largest core */
   tc_splat_frame frame;
-  tc_vmd_object *object; /* NULL: of labels and run-length models, whose normals are those of what is filled */
+  tc_vmd_object *object;   /* NULL for labels and run-length models: their normals come from the filled voxels around */
 } pick;
 
 static void set_ray(pick *p, const double at[2]) {

@@ -70,16 +70,16 @@ V_INLINE shape side_of(const tc_splat_args *g, const uint8_t *insets, vi word, c
 
 /* Sets the lengths and offsets of thin splats (tc_splat_thin). */
 V_INLINE void thin_shape(const tc_splat_args *g, vi stored, vm thin, shape *s) {
-  const vf zero = v_set(0), one = v_set(1), touch = v_set(g->core_radius);
+  const vf zero = v_set(0), one = v_set(1), core = v_set(g->core_radius);
   const vf what = v_float(v_sra(stored, 6)), thick = v_float(v_andi(stored, v_seti(63))) * v_set(1 / 63.f);
   const vm sheet = v_lt(what, one), dot = v_lt(v_set(2), what), end = m_and(thin, m_andnot(v_lt(one, what), dot));
   /* An end's kernel reaches from a core's radius behind its voxel to the end of the line. */
   const vf on = v_float(v_andi(stored, v_seti(7))) * v_set((float)TC_SPLAT_LONG / 7);
   const vf tenths = v_float(v_andi(v_sra(stored, 3), v_seti(7))) * v_set(0.1f) + v_set(0.3f);
-  const vf line = v_select(end, (on + touch) * v_set(0.5f / g->core_radius), v_set((float)TC_SPLAT_LONG));
+  const vf line = v_select(end, (on + core) * v_set(0.5f / g->core_radius), v_set((float)TC_SPLAT_LONG));
   s->along = v_select(thin, v_select(m_or(sheet, dot), thick, line), s->along);
   s->across = v_select(m_andnot(thin, sheet), v_select(end, tenths, thick), s->across);
-  s->middle = v_select(end, (on - touch) * v_set(0.5f), zero);
+  s->middle = v_select(end, (on - core) * v_set(0.5f), zero);
 }
 
 /* Sets the rest of a shape after side_of(). Beside a surface a kernel is flat and touches the surface from within, so that

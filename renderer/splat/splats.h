@@ -40,7 +40,7 @@ static inline bool tc_splat_is_thin(unsigned faces) { return (faces & faces >> 1
 typedef struct tc_splat_brick {
   uint32_t first, count; /* of its splats */
   int at[3];             /* in bricks */
-  uint8_t faces;         /* free faces of its splats; all six if it has fewer than 16 splats */
+  uint8_t faces;         /* free faces of its splats; tc_splats_next() sets all six if there are fewer than 16 splats */
 } tc_splat_brick;
 
 /* Bricks are packed and read one after the other, because bricks of thin objects hold few splats. Most take two to four bytes: a

@@ -270,7 +270,7 @@ static bool set_box(const drawing *d, tc_splat_entry *e, const double middle[3],
   return true;
 }
 
-static bool enter(const drawing *d, const tc_splats *of, const tc_splat_brick *b, double size_mm, tc_splat_entry *e) {
+static bool set_entry(const drawing *d, const tc_splats *of, const tc_splat_brick *b, double size_mm, tc_splat_entry *e) {
   const double reach = 7.5 + (double)d->args.shape_blend; /* voxels from its middle: splats are moved by at most one */
   double middle[3], half[3];
   *e = (tc_splat_entry){.of = of, .brick = *b};
@@ -312,7 +312,7 @@ static void add_entries(drawing *d, const tc_splats *of, tc_splat_entry *entries
   size_t from = 0;
   for (uint32_t i = 0; of && i < of->n_bricks; i++) {
     tc_splats_next(of, &from, &brick);
-    *count += enter(d, of, &brick, size_mm, &entries[*count]);
+    *count += set_entry(d, of, &brick, size_mm, &entries[*count]);
   }
 }
 
@@ -450,11 +450,11 @@ static bool has_room(const drawing *d, const tc_splat_entry *e, const tc_splat_t
 /* The depth pass draws the depths of the tile's entries, nearest first, and keeps the projected splats that are not occluded,
  * while there is room. The colour pass then draws the kept splats and the remaining entries. False: halted. */
 static bool pass(const drawing *d, tc_splat_tile *t, int tile) {
-  const int *met = d->tile_entries + d->tile_first[tile], n = d->tile_first[tile + 1] - d->tile_first[tile];
+  const int *entries = d->tile_entries + d->tile_first[tile], n = d->tile_first[tile + 1] - d->tile_first[tile];
   int kept = 0;
   t->n_kept = 0, t->keeps = d->args.culling;
   for (int i = 0; i < n && !t->halted; i++) {
-    const tc_splat_entry *e = &d->entries[met[i]];
+    const tc_splat_entry *e = &d->entries[entries[i]];
     const bool wanted = shows(d, e, t);
     t->keeps = t->keeps && (!wanted || has_room(d, e, t));
     kept += t->keeps;
@@ -464,7 +464,7 @@ static bool pass(const drawing *d, tc_splat_tile *t, int tile) {
   if (d->args.culling) tc_tile_refresh(t, (int[]){0, 0, TC_TILE - 1, TC_TILE - 1});
   d->kernels->kept(&d->args, t);
   for (int i = kept; i < n && !t->halted; i++)
-    if (shows(d, &d->entries[met[i]], t)) d->kernels->colors(&d->args, &d->entries[met[i]], t);
+    if (shows(d, &d->entries[entries[i]], t)) d->kernels->colors(&d->args, &d->entries[entries[i]], t);
   return !t->halted;
 }
 

@@ -261,7 +261,7 @@ V_INLINE uint32_t batches_of(const tc_splat_entry *e) { return (e->brick.count +
 
 /* Draws the cores of lanes `front` into the depths. */
 V_INLINE void draw_cores(const tc_splat_args *g, const batch *b, const ellipses *cores, const cuts *cut, unsigned front,
-                        tc_splat_tile *t) {
+                         tc_splat_tile *t) {
   float box[4][V_LANES];
   for (unsigned left = front & m_bits(set_box(b, cores, t, g->core_share, box)); left; left &= left - 1) {
     const int i = __builtin_ctz(left);
@@ -394,7 +394,7 @@ V_INLINE void fetch_material(const tc_splat_args *g, const batch *b, int i, cons
   for (int k = 0; k < 3; k++) to->of[3 + k] = (int)lrintf(rgbk[k] * 255);
 }
 
-/* Adds material times weight to the pixels of the tile from p on; dx, dy: pixels from the splat's centre. */
+/* Adds the material times weight to the sums of the pixels from p on; dx, dy: pixels from the splat's centre. */
 V_INLINE void add_weighted(const tc_splat_args *g, const material *m, vi weight, vf dx, vf dy, float *p) {
   vi n[3];
   add_to(p, weight);
@@ -410,7 +410,7 @@ V_INLINE void add_weighted(const tc_splat_args *g, const material *m, vi weight,
 V_INLINE void add_footprint(const tc_splat_args *g, const batch *b, int i, const orientation *f, const cuts *cut, tc_splat_tile *t) {
   const reach r = reach_of(b->box, i);
   const vf z = v_set(b->z[i] - g->window_mm), inverse = v_set(1 / g->window_mm), middle = v_set(b->z[i]) * inverse,
-           open = v_set(g->coreless_scale);
+           coreless = v_set(g->coreless_scale);
   material m;
   bool looked = false;
   for (int x = r.x0; x <= r.x1; x += V_LANES) {
@@ -420,7 +420,7 @@ V_INLINE void add_footprint(const tc_splat_args *g, const batch *b, int i, const
     for (int y = r.y0; y <= r.y1; y++, p += TC_TILE_STRIDE, dy = dy + v_set(1)) {
       const vf before = v_load(t->depth + p), apart = v_fnma(before, inverse, middle), square = apart * apart;
       vf q = distances(&c, dy);
-      q = v_select(v_le(v_set(INFINITY), before), q * open, v_fma(square, square, q));
+      q = v_select(v_le(v_set(INFINITY), before), q * coreless, v_fma(square, square, q));
       const vm seen = not_cut(cut, i, c.dx, dy, m_and(v_lt(q, v_set(1)), v_lt(z, before)));
       if (g->culling && !m_any(seen)) continue;
       if (!looked) fetch_material(g, b, i, f, &m), looked = true, t->drawn++;

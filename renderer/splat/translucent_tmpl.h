@@ -16,7 +16,7 @@ V_INLINE float mass_of(const tc_splat_args *g, const batch *b, int i, const tc_s
 }
 
 V_INLINE void add_material(const tc_splat_args *g, const batch *b, int i, const reach *r, const float rgbk[4],
-                         tc_splat_tile *t) {
+                           tc_splat_tile *t) {
   const float depth = mass_of(g, b, i, t) * rgbk[3];
   for (int x = r->x0; x <= r->x1; x += V_LANES) {
     const columns c = columns_of(b, &b->kernel, i, x);
@@ -45,7 +45,7 @@ V_INLINE vm in_sheet(const tc_splat_entry *e, uint32_t first, int axis, int at) 
 
 /* Colours and extinctions of the lanes of a batch with here[] > 0, lit where they have normals; extinction 0 for others. */
 static void fetch_materials(const tc_splat_args *g, const batch *b, const float *here, const tc_splat_tile *t,
-                           float rgbk[V_LANES][4]) {
+                            float rgbk[V_LANES][4]) {
   float c[3][V_LANES] = {0};
   orientation f;
   for (int i = 0; i < V_LANES; i++) {

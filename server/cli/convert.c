@@ -64,8 +64,8 @@ static bool lists(const char *attributes, const char *name) {
   return found;
 }
 
-/* A label volume's model holds the voxels above 0. */
-static bool make_wish(const arguments *a, wanted *w, GError **error) {
+/* Sets the options of the model. A label volume's model holds the voxels above 0. */
+static bool set_options(const arguments *a, wanted *w, GError **error) {
   double range[2] = {DBL_MIN, INFINITY};
   if (a->user_of && !lists(a->attributes, "user")) return bad_usage(error, "--user: --attributes must list user");
   if (a->labels_of && (a->threshold || a->shell) && !lists(a->attributes, "label"))
@@ -73,10 +73,10 @@ static bool make_wish(const arguments *a, wanted *w, GError **error) {
   if (!read_numbers("--threshold", a->threshold, 2, -INFINITY, range, error)) return false;
   if (!read_numbers("--iso-shell", a->shell, 1, -INFINITY, range, error)) return false;
   w->model = (tc_vmd_options){.low = range[0],
-                           .high = range[1],
-                           .labels = !a->threshold && !a->shell,
-                           .shell = a->shell != NULL,
-                           .attributes = a->attributes};
+                              .high = range[1],
+                              .labels = !a->threshold && !a->shell,
+                              .shell = a->shell != NULL,
+                              .attributes = a->attributes};
   return true;
 }
 
@@ -90,7 +90,7 @@ static bool check_model(const arguments *a, bool model, wanted *w, GError **erro
   if (!model) return true;
   if (names_model(a->rest[0]))
     return !any || bad_usage(error, "IN is a .vmd: OUT has its voxels and attributes");
-  return ways == 1 ? make_wish(a, w, error)
+  return ways == 1 ? set_options(a, w, error)
                    : bad_usage(error, "a .vmd needs its voxels: --threshold LOW,HIGH, or --labels, or --iso-shell V");
 }
 

@@ -115,8 +115,8 @@ typedef struct solid {
   const void *context;
 } solid;
 
-/* The greatest depth between from and to on a line, or `deepest`, which is greater. Depths are distances: from the middle of an
- * interval to its ends they change by half its length at most. */
+/* The greater of `deepest` and the greatest depth between from and to on a line, by bisection. Depths are distances, so they change by at
+ * most half an interval's length from its middle to its ends. */
 static double deepest_between(const solid *s, const double at[3], const double way[3], double from, double to, double deepest) {
   const double half = 0.5 * (to - from), t = from + half;
   const double depth = within_sides(s->field, s->context, (double[]){at[0] + t * way[0], at[1] + t * way[1], at[2] + t * way[2]});

@@ -184,16 +184,16 @@ TEST(models_survive_a_file) {
   memcpy(deep.dims, (int[]){17, 2, 3000}, sizeof deep.dims);
   tc_volume *volumes[] = {volume_of(&noisy, noise), volume_of(&noisy, stretches), volume_of(&deep, noise)};
   tc_pool *pool = tc_pool_new(3, NULL);
-  const tc_vmd_options wishes[] = {{.low = 100, .high = 155, .attributes = "value,normal,user"},
-                                {.low = -INFINITY, .high = INFINITY},
-                                {.low = -INFINITY, .high = INFINITY, .attributes = "value,user,normal"},
-                                {.low = 56, .high = INFINITY, .shell = true, .attributes = "normal"},
-                                {.low = DBL_MIN, .high = 99, .labels = true, .attributes = "label"},
-                                {.low = 1e6, .high = 1e7}};
-  for (size_t i = 0; i < G_N_ELEMENTS(wishes) * G_N_ELEMENTS(volumes); i++) {
+  const tc_vmd_options cases[] = {{.low = 100, .high = 155, .attributes = "value,normal,user"},
+                                  {.low = -INFINITY, .high = INFINITY},
+                                  {.low = -INFINITY, .high = INFINITY, .attributes = "value,user,normal"},
+                                  {.low = 56, .high = INFINITY, .shell = true, .attributes = "normal"},
+                                  {.low = DBL_MIN, .high = 99, .labels = true, .attributes = "label"},
+                                  {.low = 1e6, .high = 1e7}};
+  for (size_t i = 0; i < G_N_ELEMENTS(cases) * G_N_ELEMENTS(volumes); i++) {
     const tc_volume *v = volumes[i % G_N_ELEMENTS(volumes)];
-    const tc_vmd_options *wish = &wishes[i / G_N_ELEMENTS(volumes)];
-    tc_vmd *m = tc_vmd_of_volume(v, wish, pool, NULL), *alone = tc_vmd_of_volume(v, wish, NULL, NULL);
+    const tc_vmd_options *options = &cases[i / G_N_ELEMENTS(volumes)];
+    tc_vmd *m = tc_vmd_of_volume(v, options, pool, NULL), *alone = tc_vmd_of_volume(v, options, NULL, NULL);
     expect_same(m, alone);
     for (int packed = 0; packed < 2; packed++) {
       g_autoptr(GByteArray) file = tc_vmd_encode(m, packed, NULL);
@@ -245,11 +245,11 @@ TEST(value_label_normal_and_user_stand_in_one_model) {
   g_autoptr(tc_volume) v = volume_of(&noisy, noise);
   g_autoptr(tc_volume) labels = volume_of(&coarse, label_noise);
   g_autoptr(tc_volume) user = volume_of(&same, user_noise);
-  tc_vmd_options wish = {.low = 56, .high = 200, .attributes = "normal"};
-  g_autoptr(tc_vmd) normals = tc_vmd_of_volume(v, &wish, NULL, NULL);
-  wish.attributes = "user,value, normal ,label", wish.label_of = labels, wish.user_of = user;
+  tc_vmd_options options = {.low = 56, .high = 200, .attributes = "normal"};
+  g_autoptr(tc_vmd) normals = tc_vmd_of_volume(v, &options, NULL, NULL);
+  options.attributes = "user,value, normal ,label", options.label_of = labels, options.user_of = user;
   g_autoptr(tc_pool) pool = tc_pool_new(3, NULL);
-  g_autoptr(tc_vmd) m = tc_vmd_of_volume(v, &wish, pool, NULL);
+  g_autoptr(tc_vmd) m = tc_vmd_of_volume(v, &options, pool, NULL);
   g_autoptr(GByteArray) file = tc_vmd_encode(m, true, NULL);
   g_autoptr(tc_vmd) back = tc_vmd_decode(file->data, file->len, NULL);
   expect_same(m, back);
@@ -277,8 +277,8 @@ TEST(labels_have_the_values_of_another_volume) {
   tc_volume_desc near_grid = grid;
   memcpy(near_grid.origin, (double[3]){0}, sizeof near_grid.origin);
   g_autoptr(tc_volume) near = volume_of(&near_grid, few);
-  const tc_vmd_options wish = {.low = DBL_MIN, .high = INFINITY, .labels = true, .attributes = "value,label", .value_of = near};
-  g_autoptr(tc_vmd) m = tc_vmd_of_volume(labels, &wish, NULL, NULL);
+  const tc_vmd_options options = {.low = DBL_MIN, .high = INFINITY, .labels = true, .attributes = "value,label", .value_of = near};
+  g_autoptr(tc_vmd) m = tc_vmd_of_volume(labels, &options, NULL, NULL);
   assert_float_equal(m->head.grid.slope, 2, 0);
   assert_string_equal(m->head.grid.unit, "HU");
   const uint8_t *record = tc_vmd_voxel(m, 1, 0, 34); /* 1, 0, 68 of the values */
@@ -286,7 +286,7 @@ TEST(labels_have_the_values_of_another_volume) {
   expect_number(m, "label", record, noise(1, 0, 34));
   expect_number(m, "value", tc_vmd_voxel(m, 30, 10, 5), 0); /* outside: the least */
   g_autoptr(GError) error = NULL;
-  tc_vmd_options wrong = wish;
+  tc_vmd_options wrong = options;
   wrong.value_of = v; /* at x = -10 .. -8 */
   assert_null(tc_vmd_of_volume(labels, &wrong, NULL, &error));
   assert_non_null(strstr(error->message, "labels: it lies outside"));
@@ -304,9 +304,9 @@ TEST(numbers_that_an_attribute_cannot_hold_are_refused) {
   for (size_t i = 0; i < 2 * G_N_ELEMENTS(cases); i++) {
     g_autoptr(GError) error = NULL;
     g_autoptr(tc_volume) other = volume_of(cases[i / 2].desc, cases[i / 2].desc == &coarse ? label_noise : noise);
-    tc_vmd_options wish = {.low = 0, .high = 255, .attributes = i % 2 ? "label" : "user"};
-    *(i % 2 ? &wish.label_of : &wish.user_of) = other;
-    g_autoptr(tc_vmd) m = tc_vmd_of_volume(v, &wish, NULL, &error);
+    tc_vmd_options options = {.low = 0, .high = 255, .attributes = i % 2 ? "label" : "user"};
+    *(i % 2 ? &options.label_of : &options.user_of) = other;
+    g_autoptr(tc_vmd) m = tc_vmd_of_volume(v, &options, NULL, &error);
     const char *wanted = i % 2 ? cases[i / 2].labels : cases[i / 2].user;
     if ((m == NULL) != (wanted != NULL)) fail_msg("%zu: %s", i, m ? "made" : error->message);
     if (wanted) print_message("%s\n", error->message);
@@ -327,10 +327,10 @@ TEST(parts_of_models_are_models_of_the_volume) {
   g_autoptr(tc_volume) sparse = tc_vmd_volume(all, NULL);
   const double ranges[][2] = {{0, 255}, {100, 200}, {240.5, 300}, {255, 255}, {1e6, 1e7}};
   for (size_t i = 0; i < G_N_ELEMENTS(ranges); i++) {
-    const tc_vmd_options wish = {.low = ranges[i][0], .high = ranges[i][1]};
-    g_autoptr(tc_vmd) part = tc_vmd_of_volume(sparse, &wish, pool, NULL);
-    g_autoptr(tc_vmd) whole = tc_vmd_of_volume(v, &wish, pool, NULL);
-    print_message("%g to %g: %llu voxels\n", wish.low, wish.high, (unsigned long long)whole->voxels);
+    const tc_vmd_options options = {.low = ranges[i][0], .high = ranges[i][1]};
+    g_autoptr(tc_vmd) part = tc_vmd_of_volume(sparse, &options, pool, NULL);
+    g_autoptr(tc_vmd) whole = tc_vmd_of_volume(v, &options, pool, NULL);
+    print_message("%g to %g: %llu voxels\n", options.low, options.high, (unsigned long long)whole->voxels);
     expect_same(part, whole);
   }
   g_autoptr(GError) error = NULL;
@@ -359,12 +359,12 @@ static int ball(int x, int y, int z) {
 static int mask_of_ball(int x, int y, int z) { return ball(x, y, z) >= 100; }
 
 /* The largest and the mean angle between the normals of a ball's shell and its radii, degrees. */
-static double angle_of_normals(int (*value)(int x, int y, int z), tc_vmd_options wish, double *mean) {
+static double angle_of_normals(int (*value)(int x, int y, int z), tc_vmd_options options, double *mean) {
   const tc_volume_desc desc = {
       .dims = {25, 25, 25}, .type = TC_U8, .spacing = {1, 2, 1}, .slope = 1, .direction = {0, 1, 0, -1, 0, 0, 0, 0, 1}};
   g_autoptr(tc_volume) v = volume_of(&desc, value);
-  wish.high = 4000, wish.shell = true, wish.attributes = "normal";
-  tc_vmd *m = tc_vmd_of_volume(v, &wish, NULL, NULL);
+  options.high = 4000, options.shell = true, options.attributes = "normal";
+  tc_vmd *m = tc_vmd_of_volume(v, &options, NULL, NULL);
   double worst = 0, sum = 0;
   int count = 0;
   for (int i = 0; i < 25 * 25 * 25; i++) {

@@ -99,15 +99,15 @@ V_INLINE void cast_packet(const tc_cpu_args *args, variant v, const place *at, v
     }
     const vm active = (float)i < p.most_delay ? m_and(live, v_le(v_set(0), t0)) : live;
     counts->samples += (uint64_t)m_count(active);
-    const bool second = v.classification == TC_PREINTEGRATED2;
-    if (!second && all_zero(args, front, back, active)) {
+    const bool second_order = v.classification == TC_PREINTEGRATED2;
+    if (!second_order && all_zero(args, front, back, active)) {
       live = m_and(live, v_lt(t1, p.length));
       front = back, back = next;
       if (cell) shift_slopes(slopes);
       continue;
     }
-    const vf middle = second ? march_middle(args, v, &p, &m, i, middle_mm(&p, t0, t1), active) : front;
-    if (second) counts->samples += (uint64_t)m_count(active);
+    const vf middle = second_order ? march_middle(args, v, &p, &m, i, middle_mm(&p, t0, t1), active) : front;
+    if (second_order) counts->samples += (uint64_t)m_count(active);
     const ray_segment s = {i, t0, t1, front, middle, back, active, at_front, at_back};
     vf4 c = later ? colour_segment(args, v, &p, &s) : draw_segment(args, v, &p, &light, &s, counts);
     vf weight = v_select(active, clear, v_set(0));

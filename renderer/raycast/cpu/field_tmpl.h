@@ -110,7 +110,8 @@ V_INLINE corners load_corners(const tc_cpu_args *args, int type, const v_places 
   return c;
 }
 
-/* The corners of the cells at these offsets, by one function per voxel type. */
+/* load_corners() as a function per voxel type, called instead of inlined: for kernels of any voxel type, which compile much faster
+ * that way, and for the rare lanes that do not fit a neighbourhood. */
 #define LOAD_CALLED(name, type)                                                                                       \
   V_ONCE corners load_##name(const tc_cpu_args *args, vi off) {                                                       \
     const v_places at = v_place(off);                                                                                 \

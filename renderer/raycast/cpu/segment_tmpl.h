@@ -33,8 +33,8 @@ V_INLINE void linearise_subtables(const tc_cpu_args *args, vf *front, vf middle,
 }
 
 /* Segment i of a packet's rays: from sample front at t0 mm to back at t1 mm or the ray's end, whichever comes first.
- * Samples are nodes; middle: the one halfway, of classification preintegrated2; with cell gradients, the samples' gradients over
- * index coordinates, else NULL. */
+ * Samples are nodes. middle: the sample halfway, for classification preintegrated2 only. front_gradient, back_gradient: the samples'
+ * gradients over index coordinates if the shading uses cell gradients, else NULL. */
 typedef struct ray_segment {
   int i;
   vf t0, t1, front, middle, back;

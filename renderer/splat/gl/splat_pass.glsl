@@ -228,14 +228,14 @@ int weight_at(float q) {
 }
 
 #if PASS == 1
-void put(Entry e, Footprint f, ivec2 from, ivec2 to) {
+void draw_footprint(Entry e, Footprint f, ivec2 from, ivec2 to) {
   for (int y = from.y; y <= to.y; y++)
     for (int x = from.x; x <= to.x; x++)
       if (distance_at(f, vec2(x, y)) < splat.core2 && !is_cut(e, f, vec2(x, y)))
         atomicMin(nearest[y * tile.z + x], ordered(f.z));
 }
 #elif PASS == 4
-// mass_of() of tile_tmpl.h.
+// mass_of() of translucent_tmpl.h.
 float mass_of(Footprint f) {
   vec2 p = (f.at + vec2(tile.xy) - 0.5 * splat.size) / splat.scale;
   float square = 0.0, along = splat.perspective != 0 ? dot(p, p) + 1.0 : 1.0;
@@ -247,16 +247,16 @@ float mass_of(Footprint f) {
   return splat.mass * sqrt(along / square) * sqrt(f.area_ratio2);
 }
 
-void put(Entry e, Footprint f, ivec2 from, ivec2 to) {
-  vec4 look = vec4(table[f.appearance & 0xffffu].rgb, table[f.appearance >> 16].a);
-  if (any(lessThan(to, from)) || !(look.a > 0.0))
+void draw_footprint(Entry e, Footprint f, ivec2 from, ivec2 to) {
+  vec4 material = vec4(table[f.appearance & 0xffffu].rgb, table[f.appearance >> 16].a);
+  if (any(lessThan(to, from)) || !(material.a > 0.0))
     return;
 #if SHADED
   vec2 middle = f.at + vec2(tile.xy);
   vec3 n = f.word >> 25 != 127u ? normal_of(f) : vec3(0.0);
-  look.rgb = shade(vec4(look.rgb, 1.0), n, n, -normalize(direction_at(middle))).rgb;
+  material.rgb = shade(vec4(material.rgb, 1.0), n, n, -normalize(direction_at(middle))).rgb;
 #endif
-  float depth = mass_of(f) * look.a;
+  float depth = mass_of(f) * material.a;
   for (int y = from.y; y <= to.y; y++)
     for (int x = from.x; x <= to.x; x++) {
       float amount = min(float(weight_at(min(distance_at(f, vec2(x, y)), 1.0))) * depth, splat.most) * SCALE;
@@ -265,7 +265,7 @@ void put(Entry e, Footprint f, ivec2 from, ivec2 to) {
         continue;
       atomicAdd(sums[at], int(amount + 0.5));
       for (int k = 0; k < 3; k++)
-        atomicAdd(sums[at + 1 + k], int(amount * look[k] + 0.5));
+        atomicAdd(sums[at + 1 + k], int(amount * material[k] + 0.5));
     }
 }
 #else
@@ -307,7 +307,7 @@ vec3 round_normal(Rounding r, vec2 d) {
   return r.across * (s / sqrt(max(square, 1.0))) + sqrt(max(1.0 - square, 0.0)) * r.front;
 }
 
-void put(Entry e, Footprint f, ivec2 from, ivec2 to) {
+void draw_footprint(Entry e, Footprint f, ivec2 from, ivec2 to) {
   float z = f.z - splat.window_mm;
   if (any(lessThan(to, from)) || (splat.culling != 0 && hidden(z, from, to)))
     return;
@@ -349,6 +349,6 @@ void main() {
     vec2 r = f.reach;
     ivec2 from = ivec2(max(f.at - r + 0.5, vec2(0.0))), to = ivec2(floor(min(f.at + r - 0.5, vec2(tile.zw - 1))));
     int first = int(gl_WorkGroupID.y) * rows;
-    put(e, f, ivec2(from.x, max(from.y, first)), ivec2(to.x, min(to.y, first + rows - 1)));
+    draw_footprint(e, f, ivec2(from.x, max(from.y, first)), ivec2(to.x, min(to.y, first + rows - 1)));
   }
 }
