@@ -48,6 +48,7 @@ static void draw_scene(tc_scene *s, const tc_volume *volume, uint64_t *state) {
   s->shading.model = test_random(state) < 0.6 ? TC_SHADING_BLINN_PHONG : TC_SHADING_NONE;
   s->shading.gradient = test_random(state) < 0.7 ? TC_GRADIENT_CENTRAL : TC_GRADIENT_CELL;
   if (test_random(state) < 0.3) s->mode = test_random(state) < 0.5 ? TC_MODE_MIP : TC_MODE_MINIP;
+  if (test_random(state) < 0.3) s->classification = TC_PREINTEGRATED2; /* samples in the middle of segments, too */
 }
 
 static tc_renderer *open_variant(const char *isa) {
