@@ -189,10 +189,9 @@ V_INLINE vf march_voxel(const tc_cpu_args *args, variant v, const packet *p, con
   if (v.any_type) return sample_field(args, v, p, t, gradient);
   const spot s = spot_at(args, p, t);
   const v_places at = v_place(cell_offset(args, s.cell));
-  const corners c = load_corners(args, v.type, &at);
   v_prefetch((const void *)((uintptr_t)args->grid.voxels + (uintptr_t)(m->ahead * voxel_bytes(v.type))), &at,
              voxel_bytes(v.type));
-  return interpolate(v.type, &c, s.f, gradient);
+  return sample_cells(args, v.type, &at, s.f, gradient);
 }
 
 /* march_voxel() converted to a node of the table. */
