@@ -110,7 +110,7 @@ TEST(post_at_midpoints) {
 
 TEST(all_converge) {
   static const tc_voxel_type types[] = {TC_U8, TC_U16, TC_F32};
-  for (size_t t = 0; t < G_N_ELEMENTS(types); t++) {
+  for (size_t t = 0; t < G_N_ELEMENTS(types); t += SANITIZED ? 2 : 1) {
     const double slopes[TC_VOXEL_TYPE_COUNT] = {[TC_U8] = 1.0 / 255, [TC_U16] = 1.0 / 65535};
     test_grid grid = {.dims = {24, 22, 20}, .type = types[t], .slope = slopes[types[t]]};
     g_autoptr(tc_volume) volume = test_volume(&grid, test_waves, &(double){20});

@@ -247,7 +247,7 @@ TEST(no_rings_by_default) {
       {"bucky", 0.05}, {"marschner-lobb", 0.4}, {"head", 0.2}, {"vessels", 0.8}};
   for (size_t i = 0; i < G_N_ELEMENTS(demos) && i < MOST_DEMOS; i++) {
     g_auto(tc_scene) scene;
-    g_autoptr(tc_volume) volume = show_demo(demos[i].name, 128, &scene);
+    g_autoptr(tc_volume) volume = show_demo(demos[i].name, SANITIZED ? 48 : 96, &scene);
     double rings[2], mean[2];
     g_autofree float *want = reference_mean(volume, &scene, &(tc_subpixel){0}, 1, 1e-5);
     rings_at(1, volume, &scene, want, rings, mean);
@@ -266,7 +266,7 @@ TEST(no_rings_on_lit_surfaces) {
       {"bucky", {0.3, 0.05, 0.05}}, {"marschner-lobb", {5.4, 4.1, 3.8}}, {"head", {1.2, 0.35, 0.31}}};
   for (size_t i = 0; i < G_N_ELEMENTS(demos) && i < MOST_DEMOS; i++) {
     g_auto(tc_scene) scene;
-    g_autoptr(tc_volume) volume = show_demo(demos[i].name, 80, &scene);
+    g_autoptr(tc_volume) volume = show_demo(demos[i].name, SANITIZED ? 48 : 64, &scene);
     double rings[2], mean[2];
     scene.shading.model = TC_SHADING_BLINN_PHONG;
     for (int gradient = 0; gradient < TC_GRADIENT_COUNT; gradient++) {
