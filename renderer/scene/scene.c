@@ -47,7 +47,7 @@ static void init_image(tc_scene *scene) {
 
 static void init_shading(tc_scene *scene) {
   scene->shading.model = TC_SHADING_NONE;
-  scene->shading.gradient = TC_GRADIENT_CELL;
+  scene->shading.gradient = TC_GRADIENT_CENTRAL;
   scene->shading.ambient = 0.2;
   scene->shading.diffuse = 0.7;
   scene->shading.specular = 0.2;
@@ -297,7 +297,6 @@ void tc_scene_light(tc_scene *scene, bool lit) {
   init_shading(scene);
   if (!lit) return;
   scene->shading.model = TC_SHADING_BLINN_PHONG;
-  scene->shading.gradient = TC_GRADIENT_CENTRAL;
   scene->shading.ambient = 0.1;
   scene->shading.diffuse = 0.9;
   scene->shading.specular = 0.2;

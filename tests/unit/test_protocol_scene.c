@@ -280,6 +280,15 @@ TEST_WITH(presets_and_points, set_up, tear_down) {
   assert_int_equal(scene.transfer_function.count, defaults.transfer_function.count);
 }
 
+/* Gradients of each cell show the voxels' faces: nobody gets them who does not ask. */
+TEST_WITH(a_model_alone_is_lit_smoothly, set_up, tear_down) {
+  accept("{\"shading\":{\"model\":\"blinn-phong\"}}");
+  assert_int_equal(scene.shading.gradient, TC_GRADIENT_CENTRAL);
+  tc_scene_light(&scene, false); /* as a preset without light does */
+  accept("{\"shading\":{\"model\":\"lambert\"}}");
+  assert_int_equal(scene.shading.gradient, TC_GRADIENT_CENTRAL);
+}
+
 TEST_WITH(quality_bounds_replace_each_other, set_up, tear_down) {
   accept("{\"quality\":{\"maxError\":0.25}}");
   accept("{\"quality\":{\"maxMilliseconds\":20}}");
