@@ -87,7 +87,7 @@ void test_scene(tc_scene *scene, int width, int height) {
   scene->image.width = width;
   scene->image.height = height;
   scene->sampling.termination = 0;
-  scene->shading.gradient = TC_GRADIENT_CELL; /* the default's reference takes longest */
+  scene->shading.gradient = TC_GRADIENT_CELL; /* references of central differences, the default, take longer */
 }
 
 const tc_knot test_soft[4] = {{.value = 0, .color = {0.1, 0.2, 1}, .amount = 0},

@@ -280,7 +280,7 @@ TEST_WITH(presets_and_points, set_up, tear_down) {
   assert_int_equal(scene.transfer_function.count, defaults.transfer_function.count);
 }
 
-/* Gradients of each cell show the voxels' faces: nobody gets them who does not ask. */
+/* Gradients of each cell show the voxels' faces: a scene has them only if it names them. */
 TEST_WITH(a_model_alone_is_lit_smoothly, set_up, tear_down) {
   accept("{\"shading\":{\"model\":\"blinn-phong\"}}");
   assert_int_equal(scene.shading.gradient, TC_GRADIENT_CENTRAL);

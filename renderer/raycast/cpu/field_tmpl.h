@@ -92,7 +92,7 @@ V_INLINE vi cell_offset(const tc_cpu_args *args, const vi cell[3]) {
   return v_addi(cell[0], v_addi(v_muli(cell[1], v_seti(args->grid.row)), v_muli(cell[2], v_seti(args->grid.slice))));
 }
 
-/* The voxels that cell offsets count from, for pair k of the corners. */
+/* Pair k of the corners of a cell lies at the cell's offset from here. */
 V_INLINE const char *corner_voxels(const tc_cpu_args *args, int type, int k) {
   const ptrdiff_t along_y = args->grid.stride[1], along_z = args->grid.stride[2];
   return (const char *)args->grid.voxels + ((k & 1) * along_y + (k >> 1) * along_z) * voxel_bytes(type);
@@ -208,13 +208,15 @@ V_INLINE vf interpolate(int type, const corners *c, const vf f[3], vf *gradient)
   return (a00 - v_set(bias_of(type))) + v_fma(f[2], s1 - s0, s0);
 }
 
-/* The field in the lanes' cells, at positions f in them. Either branch interpolates: if the branches met before, all eight
- * corners would have to be complete there, and the compiler could not interleave loads and arithmetic (2 to 6 % slower). */
+/* The field in the lanes' cells, at positions f in them. Both branches interpolate: if they met before, all eight corners
+ * would have to be complete there, and the compiler could not interleave loads with arithmetic (2 to 6 % slower, Zen 4). */
 V_INLINE vf sample_cells(const tc_cpu_args *args, int type, const v_places *at, const vf f[3], vf *gradient) {
+#ifdef V_GATHERS
   if (__builtin_expect(args->gather, 0)) {
     const corners c = load_corners(args, type, at, true);
     return interpolate(type, &c, f, gradient);
   }
+#endif
   const corners c = load_corners(args, type, at, false);
   return interpolate(type, &c, f, gradient);
 }
