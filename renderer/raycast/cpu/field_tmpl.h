@@ -209,7 +209,7 @@ V_INLINE vf interpolate(int type, const corners *c, const vf f[3], vf *gradient)
 }
 
 /* The field in the lanes' cells, at positions f in them. Both branches interpolate: if they met before, all eight corners
- * would have to be complete there, and the compiler could not interleave loads with arithmetic (2 to 6 % slower, Zen 4). */
+ * would have to be complete there, and the compiler could not interleave loads with arithmetic. */
 V_INLINE vf sample_cells(const tc_cpu_args *args, int type, const v_places *at, const vf f[3], vf *gradient) {
 #ifdef V_GATHERS
   if (__builtin_expect(args->gather, 0)) {
