@@ -259,11 +259,12 @@ TEST(no_rings_by_default) {
 }
 
 /* The same of lit surfaces, by each kind of gradient: a highlight shows what its normals do. None on what is smooth;
- * marschner-lobb has waves of three voxels. Bounds: 1.5 times what was measured. References of wide gradients take longest:
- * without TC_LONG the first demo shows what cubic ones do, and marschner-lobb keeps to those of a cell. */
+ * marschner-lobb has waves of three voxels. Bounds: at most 1.5 times the rings measured in the larger pictures, of the ones with
+ * jitter and without. References of wide gradients take longest: without TC_LONG only the first demo takes cubic ones, and
+ * marschner-lobb takes those of a cell alone. */
 TEST(no_rings_on_lit_surfaces) {
   static const struct { const char *name; double bounds[TC_GRADIENT_COUNT]; } demos[] = {
-      {"bucky", {0.3, 0.05, 0.05}}, {"marschner-lobb", {5.4, 4.1, 3.8}}, {"head", {1.2, 0.35, 0.31}}};
+      {"bucky", {0.28, 0.041, 0.039}}, {"marschner-lobb", {5.4, 3.5, 3.5}}, {"head", {1.2, 0.32, 0.28}}};
   for (size_t i = 0; i < G_N_ELEMENTS(demos) && i < MOST_DEMOS; i++) {
     g_auto(tc_scene) scene;
     g_autoptr(tc_volume) volume = show_demo(demos[i].name, SANITIZED ? 48 : 64, &scene);

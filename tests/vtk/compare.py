@@ -24,7 +24,7 @@ TYPES = {"uint8": "u1", "int8": "i1", "uint16": "<u2", "int16": "<i2", "float": 
 STEPS = (4, 3, 2.5, 2, 1.6, 1.25, 1, 0.8, 0.63, 0.5)  # voxels
 CASES = {
     "unlit": {"shading": {"model": "none"}},
-    "lit": {"shading": {"model": "blinn-phong", "gradient": "central"}},  # as VTK's
+    "lit": {"shading": {"model": "blinn-phong", "gradient": "central"}},  # VTK, too, takes central differences
     "mip": {"mode": "mip"},
 }
 
