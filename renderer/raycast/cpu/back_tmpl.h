@@ -59,9 +59,9 @@ V_ONCE void cast_back_to_front(const tc_cpu_args *args, variant v, const place *
       front = sample_node(args, v, &p, v_min(t0, p.length), at_front);
       counts->samples += (uint64_t)m_count(live);
       const bool second_order = v.classification == TC_PREINTEGRATED2;
-      if (second_order || !all_zero(args, front, back, live)) {
-        const vf middle = second_order ? sample_node(args, v, &p, middle_mm(&p, t0, t1), NULL) : front;
-        if (second_order) counts->samples += (uint64_t)m_count(live);
+      const vf middle = second_order ? sample_node(args, v, &p, middle_mm(&p, t0, t1), NULL) : front;
+      if (second_order) counts->samples += (uint64_t)m_count(live);
+      if (!all_zero(args, v_min(middle, v_min(front, back)), v_max(middle, v_max(front, back)), live)) {
         const ray_segment s = {i, t0, t1, front, middle, back, live, at_front, at_back};
         composite_over(draw_segment(args, v, &p, &light, &s, counts), live, &sum);
       }

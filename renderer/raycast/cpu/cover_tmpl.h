@@ -60,9 +60,9 @@ V_INLINE bool next_run(runs *r, vm live, int least, int *from, int *to) {
   return true;
 }
 
-/* True if the segments of all live rays lie in the empty range of values at either end of the transfer function. */
-V_INLINE bool all_zero(const tc_cpu_args *args, vf front, vf back, vm live) {
-  vm below = m_and(v_lt(front, v_set(args->zero_below)), v_lt(back, v_set(args->zero_below)));
-  vm above = m_and(v_lt(v_set(args->zero_above), front), v_lt(v_set(args->zero_above), back));
-  return !m_any(m_andnot(live, m_or(below, above)));
+/* True if the segments of all live rays, whose samples lie between least and most, lie in the empty range of values at either end
+ * of the transfer function. */
+V_INLINE bool all_zero(const tc_cpu_args *args, vf least, vf most, vm live) {
+  const vm zero = m_or(v_lt(most, v_set(args->zero_below)), v_lt(v_set(args->zero_above), least));
+  return !m_any(m_andnot(live, zero));
 }

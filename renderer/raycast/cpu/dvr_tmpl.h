@@ -46,7 +46,8 @@ V_INLINE void cast_packet(const tc_cpu_args *args, variant v, const place *at, v
     *out = (vf4){v_set(0), v_set(0), v_set(0), v_set(0)};
     return;
   }
-  vf clear = v_set(1), front = v_set(0), back = v_set(0);
+  const bool second_order = v.classification == TC_PREINTEGRATED2;
+  vf clear = v_set(1), front = v_set(0), back = v_set(0), middle = v_set(0);
   vf4 sum = {v_set(0), v_set(0), v_set(0), v_set(0)};
   vm live = p.live;
   int missing = 2; /* samples to fetch before the segment has both of its ends */
@@ -84,30 +85,32 @@ V_INLINE void cast_packet(const tc_cpu_args *args, variant v, const place *at, v
     }
     const vf t0 = sample_mm(args, v, &p, i), t1 = sample_mm(args, v, &p, i + 1);
     /* The next sample is fetched before this segment's look-up, so that the two chains of loads overlap: a third less
-     * time per sample. */
-    vf next = front;
+     * time per sample. So is the middle of the next segment. */
+    vf next = front, next_middle = front;
     if (!v.leap || i + 1 < run_end) {
       vf t2 = sample_mm(args, v, &p, i + 2);
-      vm needs = m_and(live, m_and(v_lt(t1, p.length), v_le(v_set(0), t2)));
+      const vm rest = m_and(live, v_lt(t1, p.length)), needs = m_and(rest, v_le(v_set(0), t2));
       next = march_node(args, v, &p, &m, i + 2, v_min(t2, p.length), needs, at_next);
+      if (second_order && missing < 2)
+        next_middle = march_middle(args, v, &p, &m, i + 1, middle_mm(&p, t1, t2), m_and(rest, v_le(v_set(0), t1)));
     }
     if (missing > 0) {
       if (!--missing) counts->samples += (uint64_t)m_count(live);
-      front = back, back = next;
+      front = back, back = next, middle = next_middle;
       if (cell) shift_slopes(slopes);
       continue;
     }
     const vm active = (float)i < p.most_delay ? m_and(live, v_le(v_set(0), t0)) : live;
     counts->samples += (uint64_t)m_count(active);
-    const bool second_order = v.classification == TC_PREINTEGRATED2;
-    if (!second_order && all_zero(args, front, back, active)) {
+    if (second_order) counts->samples += (uint64_t)m_count(active);
+    vf least = v_min(front, back), most = v_max(front, back);
+    if (second_order) least = v_min(least, middle), most = v_max(most, middle);
+    if (all_zero(args, least, most, active)) {
       live = m_and(live, v_lt(t1, p.length));
-      front = back, back = next;
+      front = back, back = next, middle = next_middle;
       if (cell) shift_slopes(slopes);
       continue;
     }
-    const vf middle = second_order ? march_middle(args, v, &p, &m, i, middle_mm(&p, t0, t1), active) : front;
-    if (second_order) counts->samples += (uint64_t)m_count(active);
     const ray_segment s = {i, t0, t1, front, middle, back, active, at_front, at_back};
     vf4 c = later ? colour_segment(args, v, &p, &s) : draw_segment(args, v, &p, &light, &s, counts);
     vf weight = v_select(active, clear, v_set(0));
@@ -134,7 +137,7 @@ V_INLINE void cast_packet(const tc_cpu_args *args, variant v, const place *at, v
     clear = v_fnma(weight, c.a, clear);
     live = m_and(live, v_lt(t1, p.length));
     if (v.terminate) live = m_and(live, not_terminated(args, clear));
-    front = back, back = next;
+    front = back, back = next, middle = next_middle;
     if (cell) shift_slopes(slopes);
   }
   if (later) {
