@@ -17,12 +17,12 @@
 #define PACE_WEIGHT 0.4  /* weight of the newest final frame in the smoothed ratio, which is a geometric mean */
 #define FINEST_RUNG (-24)
 #define COARSEST_RUNG 16
-/* Cost of a segment of preintegrated2 (two samples, three look-ups) relative to one of preintegrated. The ratio is a
+/* Cost of a segment of preintegrated2 (two samples, one look-up) relative to one of preintegrated. The ratio is a
  * constant and not measured at run time, so that one scene gives one picture under a bound on the error. It comes from
- * the growth of frame times from step 1 to step 0.25, built-in volumes without shading, fastest of several alternating
- * frames: 2.4 to 2.7 on the cpu (more where little is visible), 1.4 to 1.5 on gl (llvmpipe; a GPU fetches as often).
- * Shading lowers the ratio to 2 and 1.3, because both methods compute one gradient a segment. */
-#define SECOND_ON_CPU 2.7
+ * the growth of frame times from step 1 to step 0.5, seven volumes, AVX-512 and AVX2: 1.6 to 2.1 on the cpu, near the
+ * upper end for thin vessels, where a wrong choice costs most. On gl 1.4 to 1.5 from step 1 to 0.25 (llvmpipe; a GPU
+ * fetches as often). Shading lowers the ratio to 1.3 to 1.9 and 1.3, because both methods compute one gradient a segment. */
+#define SECOND_ON_CPU 2.0
 #define SECOND_ON_GL 1.5
 
 tc_quality_cost tc_quality_cost_of(const char *backend) {

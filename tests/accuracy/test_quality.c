@@ -391,8 +391,9 @@ TEST(a_time_gets_about_the_least_error) {
   }
   printf("  second order in %d of %d; the error within 1.25 of the least at equal cost in %d, at most %.2f of it\n",
          second, all, within, worst);
-  /* Not all of many: along an axis, steps of a whole voxel meet all cells alike, and a coarser one can do better. */
-  assert_true(within >= 0.95 * all);
+  /* One in twenty may miss: along an axis, steps of a whole voxel meet all cells alike, and a coarser one can do better; the
+   * method in use stays where the other is not clearly better. */
+  assert_true(all - within <= fmax(1, 0.05 * all) && worst < 1.7);
   assert_true(SANITIZED || (second > 0 && second < all));
 }
 
