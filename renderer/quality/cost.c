@@ -18,10 +18,11 @@
 #define FINEST_RUNG (-24)
 #define COARSEST_RUNG 16
 /* Cost of a segment of preintegrated2 (two samples, one look-up) relative to one of preintegrated. The ratio is a
- * constant and not measured at run time, so that one scene gives one picture under a bound on the error. It comes from
- * the growth of frame times from step 1 to step 0.5, seven volumes, AVX-512 and AVX2: 1.6 to 2.1 on the cpu, near the
- * upper end for thin vessels, where a wrong choice costs most. On gl 1.4 to 1.5 from step 1 to 0.25 (llvmpipe; a GPU
- * fetches as often). Shading lowers the ratio to 1.3 to 1.9 and 1.3, because both methods compute one gradient a segment. */
+ * constant and not measured at run time, so that one scene gives one picture under a bound on the error.
+ * On the cpu the growth of frame times from step 1 to step 0.5 gives 1.6 to 2.1, with shading 1.3 to 1.9, because both
+ * methods compute one gradient a segment (seven volumes, AVX-512 and AVX2, AMD Zen 4). With a ratio of 1.7,
+ * preintegrated2 was chosen on vessels where its frames took up to 1.13 times as long; with 2.0 no frame took longer
+ * beyond noise. On gl 1.4 to 1.5 from step 1 to 0.25, 1.3 with shading (llvmpipe; a GPU fetches as often). */
 #define SECOND_ON_CPU 2.0
 #define SECOND_ON_GL 1.5
 

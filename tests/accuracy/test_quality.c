@@ -372,16 +372,15 @@ TEST(a_time_gets_about_the_least_error) {
                             {.volume = "demo:bucky", .shading = TC_SHADING_BLINN_PHONG},
                             {.volume = "demo:vessels", .labels = true}};
   static const double steps[] = {1, 0.4, 0.2, 1.7};
-  const bool many = getenv("TC_LONG") != NULL;
   double worst = 0;
   int second = 0, all = 0, within = 0;
-  for (int l = 0; l < (many ? 8 : SANITIZED ? 1 : 4); l++) {
+  for (int l = 0; l < (SANITIZED ? 1 : (int)G_N_ELEMENTS(of)); l++) {
     path p;
     open_path(&p, &of[l], 1);
     for (int gl = 0; gl < 2; gl++) {
       know_cost(&p, gl ? "gl" : "cpu");
       printf("  %s, as on %s\n", of[l].volume, gl ? "gl" : "cpu");
-      for (int b = 0; b < (many ? 4 : 2); b++, all++) {
+      for (int b = 0; b < (SANITIZED ? 2 : (int)G_N_ELEMENTS(steps)); b++, all++) {
         double beside = choose_in_time(&p, steps[b], &second);
         worst = fmax(worst, beside);
         within += beside <= 1.25;
@@ -391,9 +390,9 @@ TEST(a_time_gets_about_the_least_error) {
   }
   printf("  second order in %d of %d; the error within 1.25 of the least at equal cost in %d, at most %.2f of it\n",
          second, all, within, worst);
-  /* One in twenty may miss: along an axis, steps of a whole voxel meet all cells alike, and a coarser one can do better; the
+  /* Not all of many: along an axis, steps of a whole voxel meet all cells alike, and a coarser one can do better; and the
    * method in use stays where the other is not clearly better. */
-  assert_true(all - within <= fmax(1, 0.05 * all) && worst < 1.7);
+  assert_true(within >= 0.95 * all && worst < 1.7);
   assert_true(SANITIZED || (second > 0 && second < all));
 }
 
