@@ -325,8 +325,8 @@ static void neighbourhoods_hold_their_slopes(void **unused) {}
 #endif
 
 #ifdef V_TAPS
-/* Differences of pairs, because the constant added to each cancels. */
-static void rows_of_four_are_weighed(void **unused) {
+/* Elements exactly; weighed pairs as differences, because the constant added to each cancels. */
+static void rows_of_four_are_loaded_and_weighed(void **unused) {
 #define TAPS(name, type)                                                                                              \
   for (int round = 0; round < ROUNDS / 8; round++) {                                                                  \
     enum { COUNT = 500 };                                                                                             \
@@ -340,6 +340,10 @@ static void rows_of_four_are_weighed(void **unused) {
     }                                                                                                                 \
     const v_places places = v_place(to_vi(&at));                                                                      \
     const v_taps four = v_taps_##name(memory, &places);                                                               \
+    vf row[4];                                                                                                        \
+    v_row_##name(memory, &places, row);                                                                               \
+    for (int e = 0; e < 4; e++)                                                                                       \
+      for (int k = 0; k < V_LANES; k++) assert_true(of_vf(row[e]).f[k] == (float)memory[at.i[k] + e]);                \
     const vi single = v_weigh(v_tap_pair_##name(memory, &places), to_vi(&weights));                                   \
     for (int pair = 0; pair < 3; pair++) {                                                                            \
       const lanes got = of_vi(v_subi(v_weigh(four.pair[pair], to_vi(&weights)), single));                             \
@@ -357,7 +361,7 @@ static void rows_of_four_are_weighed(void **unused) {
   TAPS(i16, int16_t)
 }
 #else
-static void rows_of_four_are_weighed(void **unused) {}
+static void rows_of_four_are_loaded_and_weighed(void **unused) {}
 #endif
 
 /* Of packets whose rows are `row` pixels apart; memory between them keeps its values. */
@@ -413,7 +417,7 @@ __attribute__((noinline)) static int run(void) {
       cmocka_unit_test(rows_mean_the_same_in_every_lane), cmocka_unit_test(lanes_convert_and_reduce),
       cmocka_unit_test(voxels_are_read_exactly), cmocka_unit_test(tables_are_looked_up_and_lanes_compacted),
       cmocka_unit_test(bilinear_is_exact_at_entries_and_near_between),
-      cmocka_unit_test(rows_of_four_are_weighed),
+      cmocka_unit_test(rows_of_four_are_loaded_and_weighed),
       cmocka_unit_test(neighbourhoods_hold_their_voxels), cmocka_unit_test(neighbourhoods_hold_their_slopes),
       cmocka_unit_test(prefetching_reads_nothing),
       cmocka_unit_test(pixels_are_stored_in_place)};

@@ -46,9 +46,18 @@ V_INLINE v_places place_cells(const tc_cpu_args *args, const taps t[3]) {
 
 /* fetch_row() within faces. cells: of place_cells(); further: voxels from there to tap 1 of the row. */
 V_INLINE void load_row(const tc_cpu_args *args, int type, const v_places *cells, ptrdiff_t further, vf t[4]) {
-  const char *const row = (const char *)args->grid.voxels + further * voxel_bytes(type);
-  load_pair(type, row - voxel_bytes(type), cells, &t[0], &t[1]);
-  load_pair(type, row + voxel_bytes(type), cells, &t[2], &t[3]);
+  const char *const row = (const char *)args->grid.voxels + (further - 1) * voxel_bytes(type);
+#ifdef V_TAPS
+  switch (type) { /* a constant after inlining */
+  case TC_U8: v_row_u8(row, cells, t); return;
+  case TC_I8: v_row_i8(row, cells, t); return;
+  case TC_U16: v_row_u16(row, cells, t); return;
+  case TC_I16: v_row_i16(row, cells, t); return;
+  default: break;
+  }
+#endif
+  load_pair(type, row, cells, &t[0], &t[1]);
+  load_pair(type, row + 2 * voxel_bytes(type), cells, &t[2], &t[3]);
 }
 
 typedef struct cubic_weights {

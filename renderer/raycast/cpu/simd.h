@@ -34,9 +34,9 @@
  *   field_tmpl.h has the default.
  * - Only if V_GATHERS is defined, for an instruction set whose gathers are faster than loads on some processors:
  *   v_gather_corner_T, v_corner_T by gathers.
- * - Only if V_TAPS is defined, for an instruction set that multiplies words: v_taps_T, of integers, the pairs of words (0, 1),
- *   (1, 2) and (2, 3) of four elements in a row from at->off on, and v_tap_pair_T, the pair from at->off on, all plus a constant
- *   of the type T; v_tap_pair_T may read, but not use, 2 bytes beyond. v_weigh: the first word of each pair times the first
+ * - Only if V_TAPS is defined, for an instruction set that multiplies words, and of integers: v_row_T, four elements in a row
+ *   from at->off on, exactly; v_taps_T, their pairs of words (0, 1), (1, 2) and (2, 3), and v_tap_pair_T, the first pair, both
+ *   plus a constant of the type T; v_tap_pair_T may read, but not use, 2 bytes beyond. v_weigh: the first word of each pair times the first
  *   weight plus the second times the second. Differences of weighed pairs are exact if both weights add up to V_SLOPE_SHARES.
  * - v_prefetch: prefetches the cache lines of some lanes' elements, of `size` bytes each; the addresses may be invalid.
  * - Only if V_NEAR is defined, for an instruction set whose permutations are cheaper than loads: v_near_T, a
@@ -145,6 +145,7 @@
   SIMD_HAS(vf, v_slope_##name, const v_slopes_##name *, int, vi, int, int, vf);
 #define SIMD_NEAR /* SIMD_VOXELS(SIMD_HAS_NEAR) SIMD_HAS(vf, v_whole, vf); where V_NEAR is */
 #define SIMD_HAS_TAPS(name)                                                                                           \
+  SIMD_HAS(void, v_row_##name, const void *, const v_places *, vf *);                                                 \
   SIMD_HAS(v_taps, v_taps_##name, const void *, const v_places *);                                                    \
   SIMD_HAS(vi, v_tap_pair_##name, const void *, const v_places *);
 #define SIMD_TAPS /* as simd_voxels.h defines it, where V_TAPS is */

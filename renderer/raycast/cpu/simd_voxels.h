@@ -27,11 +27,29 @@ V_VOXELS(i16, 2, 0x80008000, v_biased_words, v_sra(v_shl(p, 16), 16), v_sra(p, 1
 #define V_BIAS_U16 0x1p23f
 #define V_BIAS_I16 (0x1p23f + 32768)
 
-/* Rows of four voxels. */
+/* Rows of four voxels: one load of 32 or 64 bits a lane. */
 #define V_TAPS
 #undef SIMD_TAPS
 #define SIMD_TAPS                                                                                                     \
   SIMD_HAS_TAPS(u8) SIMD_HAS_TAPS(i8) SIMD_HAS_TAPS(u16) SIMD_HAS_TAPS(i16) SIMD_HAS(vi, v_weigh, vi, vi);
+#define V_BYTE_ROW(name, byte)                                                                                        \
+  V_INLINE void v_row_##name(const void *base, const v_places *at, vf t[4]) {                                         \
+    const vi p = v_load_lanes((const char *)base, at, 1);                                                             \
+    _Pragma("GCC unroll 4") for (int k = 0; k < 4; k++) t[k] = v_float(byte);                                         \
+  }
+#define V_WORD_ROW(name, first, second)                                                                               \
+  V_INLINE void v_row_##name(const void *base, const v_places *at, vf t[4]) {                                         \
+    vf pairs[2];                                                                                                      \
+    v_load_pairs((const char *)base, at, 2, &pairs[0], &pairs[1]);                                                    \
+    _Pragma("GCC unroll 2") for (int k = 0; k < 2; k++) {                                                             \
+      const vi p = v_bits(pairs[k]);                                                                                  \
+      t[2 * k] = v_float(first), t[2 * k + 1] = v_float(second);                                                      \
+    }                                                                                                                 \
+  }
+V_BYTE_ROW(u8, v_andi(v_shr(p, 8 * k), v_seti(255)))
+V_BYTE_ROW(i8, v_sra(v_shl(p, 24 - 8 * k), 24))
+V_WORD_ROW(u16, v_andi(p, v_seti(0xffff)), v_shr(p, 16))
+V_WORD_ROW(i16, v_sra(v_shl(p, 16), 16), v_sra(p, 16))
 typedef struct v_taps { vi pair[3]; } v_taps;
 #define V_BYTE_TAPS(name, flips)                                                                                      \
   V_INLINE vi v_tap_pair_##name(const void *base, const v_places *at) {                                               \
