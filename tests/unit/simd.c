@@ -343,7 +343,10 @@ static void rows_of_four_are_loaded_and_weighed(void **unused) {
     vf row[4];                                                                                                        \
     v_row_##name(memory, &places, row);                                                                               \
     for (int e = 0; e < 4; e++)                                                                                       \
-      for (int k = 0; k < V_LANES; k++) assert_true(of_vf(row[e]).f[k] == (float)memory[at.i[k] + e]);                \
+      for (int k = 0; k < V_LANES; k++) {                                                                             \
+        const float got = of_vf(row[e]).f[k], wanted = (float)memory[at.i[k] + e];                                    \
+        if (!same(got, wanted)) FAIL("v_row_" #name, k, at.i[k], e, 0, got, wanted);                                  \
+      }                                                                                                               \
     const vi single = v_weigh(v_tap_pair_##name(memory, &places), to_vi(&weights));                                   \
     for (int pair = 0; pair < 3; pair++) {                                                                            \
       const lanes got = of_vi(v_subi(v_weigh(four.pair[pair], to_vi(&weights)), single));                             \

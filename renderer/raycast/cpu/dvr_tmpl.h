@@ -85,7 +85,7 @@ V_INLINE void cast_packet(const tc_cpu_args *args, variant v, const place *at, v
     }
     const vf t0 = sample_mm(args, v, &p, i), t1 = sample_mm(args, v, &p, i + 1);
     /* The next sample, and the middle of the next segment, are fetched before this segment's look-up, so that the chains of
-     * loads overlap: a third less time per sample. */
+     * loads overlap. */
     vf next = front, next_middle = front;
     if (!v.leap || i + 1 < run_end) {
       vf t2 = sample_mm(args, v, &p, i + 2);

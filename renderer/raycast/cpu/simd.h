@@ -34,10 +34,11 @@
  *   field_tmpl.h has the default.
  * - Only if V_GATHERS is defined, for an instruction set whose gathers are faster than loads on some processors:
  *   v_gather_corner_T, v_corner_T by gathers.
- * - Only if V_TAPS is defined, for an instruction set that multiplies words, and of integers: v_row_T, four elements in a row
- *   from at->off on, exactly; v_taps_T, their pairs of words (0, 1), (1, 2) and (2, 3), and v_tap_pair_T, the first pair, both
- *   plus a constant of the type T; v_tap_pair_T may read, but not use, 2 bytes beyond. v_weigh: the first word of each pair times the first
- *   weight plus the second times the second. Differences of weighed pairs are exact if both weights add up to V_SLOPE_SHARES.
+ * - Only if V_TAPS is defined, for an instruction set that multiplies words. Of integers, from at->off on: v_row_T, four elements
+ *   in a row, exactly; v_taps_T, their pairs of words (0, 1), (1, 2) and (2, 3), and v_tap_pair_T, the first of these pairs,
+ *   which may read, but not use, 2 bytes beyond; both add a constant of the type T. v_weigh: the first word of each pair times
+ *   the first weight plus the second times the second. Differences of weighed pairs are exact if both weights add up to
+ *   V_SLOPE_SHARES.
  * - v_prefetch: prefetches the cache lines of some lanes' elements, of `size` bytes each; the addresses may be invalid.
  * - Only if V_NEAR is defined, for an instruction set whose permutations are cheaper than loads: v_near_T, a
  *   neighbourhood of V_NEAR_T (4 or 8) x 4 x 4 voxels; v_near_load_T: loads the neighbourhood whose lowest voxel is at

@@ -8,11 +8,11 @@ V_INLINE vi v_bytes(const uint8_t *base, vi off) {
   return v_andi(v_load_lanes((const char *)base, &at, 1), v_seti(255));
 }
 
-/* a and b: of the 32 bits p, as floats */
+/* first, second: the two lowest elements of the 32 bits p */
 #define V_VOXELS(name, size, flips, biased, first, second)                                                            \
+  V_INLINE void v_split_##name(vi p, vf *a, vf *b) { *a = v_float(first), *b = v_float(second); }                     \
   V_INLINE void v_pair_##name(const void *base, const v_places *at, vf *a, vf *b) {                                   \
-    const vi p = v_load_lanes((const char *)base, at, size);                                                          \
-    *a = v_float(first), *b = v_float(second);                                                                        \
+    v_split_##name(v_load_lanes((const char *)base, at, size), a, b);                                                 \
   }                                                                                                                   \
   V_INLINE void v_corner_##name(const void *base, const v_places *at, vf *a, vf *b) {                                 \
     biased(v_flip(v_load_lanes((const char *)base, at, size), flips), a, b);                                          \
@@ -32,24 +32,21 @@ V_VOXELS(i16, 2, 0x80008000, v_biased_words, v_sra(v_shl(p, 16), 16), v_sra(p, 1
 #undef SIMD_TAPS
 #define SIMD_TAPS                                                                                                     \
   SIMD_HAS_TAPS(u8) SIMD_HAS_TAPS(i8) SIMD_HAS_TAPS(u16) SIMD_HAS_TAPS(i16) SIMD_HAS(vi, v_weigh, vi, vi);
-#define V_BYTE_ROW(name, byte)                                                                                        \
+#define V_BYTE_ROW(name)                                                                                              \
   V_INLINE void v_row_##name(const void *base, const v_places *at, vf t[4]) {                                         \
     const vi p = v_load_lanes((const char *)base, at, 1);                                                             \
-    _Pragma("GCC unroll 4") for (int k = 0; k < 4; k++) t[k] = v_float(byte);                                         \
+    v_split_##name(p, &t[0], &t[1]), v_split_##name(v_shr(p, 16), &t[2], &t[3]);                                      \
   }
-#define V_WORD_ROW(name, first, second)                                                                               \
+#define V_WORD_ROW(name)                                                                                              \
   V_INLINE void v_row_##name(const void *base, const v_places *at, vf t[4]) {                                         \
-    vf pairs[2];                                                                                                      \
-    v_load_pairs((const char *)base, at, 2, &pairs[0], &pairs[1]);                                                    \
-    _Pragma("GCC unroll 2") for (int k = 0; k < 2; k++) {                                                             \
-      const vi p = v_bits(pairs[k]);                                                                                  \
-      t[2 * k] = v_float(first), t[2 * k + 1] = v_float(second);                                                      \
-    }                                                                                                                 \
+    vf a, b;                                                                                                          \
+    v_load_pairs((const char *)base, at, 2, &a, &b);                                                                  \
+    v_split_##name(v_bits(a), &t[0], &t[1]), v_split_##name(v_bits(b), &t[2], &t[3]);                                 \
   }
-V_BYTE_ROW(u8, v_andi(v_shr(p, 8 * k), v_seti(255)))
-V_BYTE_ROW(i8, v_sra(v_shl(p, 24 - 8 * k), 24))
-V_WORD_ROW(u16, v_andi(p, v_seti(0xffff)), v_shr(p, 16))
-V_WORD_ROW(i16, v_sra(v_shl(p, 16), 16), v_sra(p, 16))
+V_BYTE_ROW(u8)
+V_BYTE_ROW(i8)
+V_WORD_ROW(u16)
+V_WORD_ROW(i16)
 typedef struct v_taps { vi pair[3]; } v_taps;
 #define V_BYTE_TAPS(name, flips)                                                                                      \
   V_INLINE vi v_tap_pair_##name(const void *base, const v_places *at) {                                               \
