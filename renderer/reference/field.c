@@ -23,6 +23,19 @@ double tc_ref_voxel(const tc_ref_field *field, const size_t at[3]) {
   return desc->slope * v + desc->intercept;
 }
 
+void tc_ref_around_read(tc_ref_around *around, const tc_ref_field *field, const size_t low[3]) {
+  size_t at[3][4];
+  if (around->read) return;
+  for (int k = 0; k < 3; k++)
+    for (int i = 0; i < 4; i++) {
+      const size_t last = (size_t)field->desc->dims[k] - 1, next = low[k] + (size_t)i;
+      at[k][i] = next < 1 ? 0 : next - 1 < last ? next - 1 : last;
+    }
+  for (int i = 0; i < 64; i++)
+    around->voxel[i >> 4][i >> 2 & 3][i & 3] = tc_ref_voxel(field, (size_t[3]){at[0][i & 3], at[1][i >> 2 & 3], at[2][i >> 4]});
+  around->read = true;
+}
+
 /* Distance between the planes at which a walk stops. */
 static double plane_distance(const tc_ref_field *field) { return field->filter == TC_FILTER_NEAREST ? 0.5 : 1; }
 
@@ -100,19 +113,17 @@ static void add_product(double *to, const double *a, int n, const double b[4]) {
 }
 
 /* Sums differences to one voxel, so that equal voxels give an exactly constant field. */
-static void make_cubic(const tc_ref_field *field, const size_t low[3], tc_ref_cell *cell) {
-  double w[3][4][4], base = tc_ref_voxel(field, low), cube[TC_REF_DEGREE + 1] = {0};
+static void make_cubic(tc_ref_cell *cell) {
+  tc_ref_around_read(cell->around, cell->field, cell->low);
+  const tc_ref_around *around = cell->around;
+  double w[3][4][4], base = around->voxel[1][1][1], cube[TC_REF_DEGREE + 1] = {0};
   for (int k = 0; k < 3; k++) spline_weights(cell->start[k], cell->delta[k], w[k]);
   for (int z = 0; z < 4; z++) {
     double plane[7] = {0};
     for (int y = 0; y < 4; y++) {
       double row[4] = {0};
       for (int x = 0; x < 4; x++) {
-        const int tap[3] = {x, y, z};
-        size_t at[3];
-        for (int k = 0; k < 3; k++)
-          at[k] = (size_t)fmin(fmax((double)low[k] + tap[k] - 1, 0), field->desc->dims[k] - 1);
-        double v = tc_ref_voxel(field, at);
+        double v = around->voxel[z][y][x];
         cell->lo = fmin(cell->lo, v);
         cell->hi = fmax(cell->hi, v);
         for (int i = 0; i < 4; i++) row[i] += (v - base) * w[0][x][i];
@@ -132,6 +143,8 @@ bool tc_ref_walk_next(tc_ref_walk *walk, tc_ref_cell *cell) {
   size_t *low = cell->low, high[3];
   locate(walk, to, low, high, start, delta);
   cell->field = walk->field;
+  cell->around = &walk->around;
+  walk->around.read = false;
   cell->from = walk->t;
   cell->length = to - walk->t;
   walk->t = to;
@@ -166,7 +179,7 @@ bool tc_ref_walk_next(tc_ref_walk *walk, tc_ref_cell *cell) {
   cell->c[3] = d2 * delta[2];
   cell->degree = 3;
   if (walk->field->filter == TC_FILTER_NEAREST) make_nearest(cell);
-  if (walk->field->filter == TC_FILTER_CUBIC) make_cubic(walk->field, low, cell);
+  if (walk->field->filter == TC_FILTER_CUBIC) make_cubic(cell);
   cell->label = NULL;
   return true;
 }

@@ -107,9 +107,18 @@ typedef struct tc_ref_field {
 
 double tc_ref_voxel(const tc_ref_field *field, const size_t at[3]); /* volume's unit */
 
+/* The voxels around a cell: [z][y][x] from low - 1 to low + 2 along each axis, clamped to the volume. */
+typedef struct tc_ref_around {
+  bool read; /* voxel[] is of the cell; a cell that needs no voxels but its corners does without */
+  double voxel[4][4][4];
+} tc_ref_around;
+/* Reads what is not read yet. */
+void tc_ref_around_read(tc_ref_around *around, const tc_ref_field *field, const size_t low[3]);
+
 typedef struct tc_ref_walk {
   const tc_ref_field *field;
   const tc_ref_ray *ray;
+  tc_ref_around around; /* of the cell that tc_ref_walk_next() gave last */
   double t;        /* where the next cell begins */
   double plane[3]; /* next plane along each axis: integers, and for nearest also halves */
 } tc_ref_walk;
@@ -129,6 +138,7 @@ typedef struct tc_ref_cell {
   double lo, hi; /* bounds of the value */
   const tc_ref_field *field;
   size_t low[3];             /* the cell's corner of least index */
+  tc_ref_around *around;     /* the walk's */
   double corner[8];          /* values at +x (bit 0), +y (bit 1), +z (bit 2) */
   double start[3], delta[3]; /* position within the cell, 0..1: start + u * delta */
   const tc_ref_label_cell *label; /* the label cell that contains the stretch; NULL without labels */
@@ -137,7 +147,6 @@ typedef struct tc_ref_cell {
 /* Solves for the coefficients; g_free() them. NULL: out of memory. cancel: NULL, or the result is meaningless once
  * it is true. */
 double *tc_ref_coefficients(const tc_ref_field *field, const atomic_bool *cancel);
-double tc_ref_voxel(const tc_ref_field *field, const size_t at[3]); /* in the volume's unit */
 
 void tc_ref_walk_start(tc_ref_walk *walk, const tc_ref_field *field, const tc_ref_ray *ray);
 bool tc_ref_walk_next(tc_ref_walk *walk, tc_ref_cell *cell);
@@ -249,8 +258,10 @@ typedef struct tc_ref_window {
 void tc_ref_extent_add(tc_ref_extent *extent, const tc_ref_cell *cell);
 double tc_ref_window_grey(const tc_ref_window *window, double value);
 
-/* gradient.c: gradient over index coordinates at x (0..1) in the cell above `low`; 0 along an axis of one voxel. */
-void tc_ref_gradient(const tc_ref_field *field, tc_gradient kind, const size_t low[3], const double x[3], double g[3]);
+/* gradient.c: gradient over index coordinates at x (0..1) in the cell above `low`; 0 along an axis of one voxel. around: of
+ * that cell, read if it is not yet. */
+void tc_ref_gradient(const tc_ref_field *field, tc_gradient kind, const size_t low[3], tc_ref_around *around, const double x[3],
+                     double g[3]);
 
 /* shading.c: colour under light. model TC_SHADING_NONE: nothing is shaded, and the other members are meaningless. */
 typedef struct tc_ref_shading {

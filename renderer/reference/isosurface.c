@@ -85,9 +85,10 @@ void tc_ref_surface_gradient(const tc_ref_field *field, tc_gradient kind, const 
   if (kind != TC_GRADIENT_CELL) {
     double held[3], f[3];
     size_t low[3];
+    tc_ref_around around = {0};
     for (int k = 0; k < 3; k++) held[k] = fmin(fmax(at[k], 0), field->desc->dims[k] - 1);
     find_cell(field, held, low, f);
-    tc_ref_gradient(field, kind, low, f, gradient);
+    tc_ref_gradient(field, kind, low, &around, f, gradient);
     return;
   }
   for (int k = 0; k < 3; k++) {

@@ -62,7 +62,7 @@ static void to_lps(const tc_ref_shading *s, const double g[3], double gradient[3
 static void gradient_at(const tc_ref_shading *s, const tc_ref_cell *cell, double u, double gradient[3]) {
   double x[3], g[3];
   for (int k = 0; k < 3; k++) x[k] = fmin(fmax(cell->start[k] + u * cell->delta[k], 0), 1);
-  tc_ref_gradient(cell->field, s->gradient, cell->low, x, g);
+  tc_ref_gradient(cell->field, s->gradient, cell->low, cell->around, x, g);
   to_lps(s, g, gradient);
 }
 
