@@ -144,7 +144,7 @@ TEST(ends_with_the_grid_are_flat) {
     g_auto(object) o = object_of(&cube, solids[i].field, solids[i].context);
     g_auto(drawing) d = {0};
     double over = 0, under = 0;
-    for (int view = 0; view < 10; view++) {
+    for (int view = 0; view < 10; view += SANITIZED ? 3 : 1) {
       g_auto(tc_scene) scene;
       double side[3], from[3];
       tc_rays rays;
