@@ -23,8 +23,8 @@
 /* Spacing of samples before any measurement: with one ray per pixel, and the upper limit with many. */
 #define CAREFUL 0.25
 #define CAREFUL_OF_MANY 1.0
-/* preintegrated2 is not measured if, at the cost of preintegrated, its spacing would be this many cells or more: across
- * several cells the field is not quadratic. */
+/* preintegrated2 is not measured if, at the cost of preintegrated, the samples of all rays of a pixel together would lie this
+ * many cells or more apart: across several cells the field is not quadratic. */
 #define SECOND_CELLS 2.7
 /* Another method replaces the one in use if its error is at most this share of the current error. A picture is made
  * again within its time if its error falls to the second share; one rung of the step alone gains less than that. */
@@ -504,7 +504,7 @@ static bool find_curves(bench *b, const tc_quality_subject *of, tc_quality_view 
   if (!has_methods(scene)) return true;
   own.views[0] = *view;
   option first = best_of(&own, of->cost, scene, pixels, false, TC_QUALITY_FIRST);
-  if (first.holds && first.spacing * of->cost->second >= SECOND_CELLS) return true;
+  if (first.holds && first.spacing / tc_quality_stretch(scene) * of->cost->second >= SECOND_CELLS) return true;
   b->scene.classification = TC_PREINTEGRATED2;
   return close_in(b, goal, clamp_rung(rung_below(first.spacing * of->cost->second)), &view->of[TC_QUALITY_SECOND], error);
 }
