@@ -29,7 +29,7 @@ typedef struct look {
 
 static const look looks[] = {{"demo:head", TC_MODE_DVR, TC_SHADING_NONE, {1.0 / 255, 1e-3}},
                              {"demo:marschner-lobb", TC_MODE_DVR, TC_SHADING_NONE, {2e-4, 1e-3}},
-                             {"demo:head", TC_MODE_DVR, TC_SHADING_NONE, {1.0 / 255, 1e-3}, 4},
+                             {"demo:bucky", TC_MODE_DVR, TC_SHADING_NONE, {1e-3, 1.0 / 255}, 4},
                              {"demo:vessels", TC_MODE_DVR, TC_SHADING_NONE, {1.0 / 255, 1e-3}, 0, true},
                              {"demo:vessels", TC_MODE_DVR, TC_SHADING_NONE, {1e-3, 1.0 / 255}, .backend = "gl"},
                              {"demo:vessels", TC_MODE_MIP, TC_SHADING_NONE, {1.0 / 255, 1e-3}},
@@ -38,7 +38,7 @@ static const look looks[] = {{"demo:head", TC_MODE_DVR, TC_SHADING_NONE, {1.0 / 
                              {"demo:bucky", TC_MODE_DVR, TC_SHADING_NONE, {1.0 / 255, 1e-3}},
                              {"demo:head", TC_MODE_DVR, TC_SHADING_LAMBERT, {1.0 / 255, 1e-3}},
                              {"demo:head", TC_MODE_DVR, TC_SHADING_NONE, {1.0 / 255, 1e-3}, 9},
-                             {"demo:bucky", TC_MODE_DVR, TC_SHADING_NONE, {1e-3, 1.0 / 255}, 4},
+                             {"demo:head", TC_MODE_DVR, TC_SHADING_NONE, {1.0 / 255, 1e-3}, 4},
                              {"demo:head", TC_MODE_AVERAGE, TC_SHADING_NONE, {1.0 / 255, 1e-3}}};
 enum { LOOKS = sizeof looks / sizeof *looks, SHORT_LOOKS = 6, SHORT_FRAMES = 3 };
 
