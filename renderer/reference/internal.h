@@ -109,10 +109,10 @@ double tc_ref_voxel(const tc_ref_field *field, const size_t at[3]); /* volume's 
 
 /* The voxels around a cell: [z][y][x] from low - 1 to low + 2 along each axis, clamped to the volume. */
 typedef struct tc_ref_around {
-  bool read; /* voxel[] is of the cell; a cell that needs no voxels but its corners does without */
+  bool read; /* the voxels are there; they are read when they are first needed */
   double voxel[4][4][4];
 } tc_ref_around;
-/* Reads what is not read yet. */
+/* Reads the voxels around the cell above `low`, unless they are there. */
 void tc_ref_around_read(tc_ref_around *around, const tc_ref_field *field, const size_t low[3]);
 
 typedef struct tc_ref_walk {
