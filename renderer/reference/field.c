@@ -85,11 +85,11 @@ static void locate(const tc_ref_walk *walk, double to, size_t low[3], size_t hig
   }
 }
 
-/* The voxel nearest to the middle of the stretch. */
+/* The voxel nearest to the middle of the stretch, of two equally near ones the upper. */
 static void make_nearest(tc_ref_cell *cell) {
   int nearest = 0;
   for (int k = 0; k < 3; k++)
-    if (cell->start[k] + 0.5 * cell->delta[k] >= 0.5) nearest |= 1 << k;
+    if (cell->start[k] + 0.5 * cell->delta[k] >= 0.5 - 1e-9) nearest |= 1 << k;
   cell->degree = 0;
   cell->c[0] = cell->lo = cell->hi = cell->corner[nearest];
 }

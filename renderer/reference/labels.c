@@ -96,7 +96,7 @@ static double find_cell(const tc_ref_labels *l, const tc_ref_ray *ray, const tc_
   if (1 - to < 1e-12) to = 1;
   for (int k = 0; k < 3; k++) {
     double middle = at[k] + 0.5 * (to - from) * rate[k];
-    low[k] = (int)floor(step[k] ? middle : middle + 0.5);
+    low[k] = (int)floor(step[k] ? middle : middle + 0.5 + NEAR);
     cell->start[k] = step[k] ? at[k] - low[k] : 0;
     cell->delta[k] = step[k] ? rate[k] * (to - from) : 0;
   }

@@ -31,7 +31,7 @@ V_INLINE vf find_label_cell(const tc_cpu_labels *l, const packet *p, vf t, vi ce
     vf at = v_fma(v_set(m[2]), q[2], v_fma(v_set(m[1]), q[1], v_fma(v_set(m[0]), q[0], v_set(m[3]))));
     vf near = v_min(v_max(at, v_set(0)), v_set(l->grid.last[k])), beyond = v_abs(at - near);
     bool hard = l->nearest || l->grid.last[k] < 1;
-    if (l->nearest) near = v_float(v_trunc(near + v_set(0.5f)));
+    if (l->nearest) near = v_float(nearest_voxel(near));
     inside =
         inside * (hard ? v_select(v_le(beyond, v_set(0.5f)), v_set(1), v_set(0)) : v_max(v_set(1) - beyond, v_set(0)));
     cell[k] = v_mini(v_trunc(near), v_seti(l->grid.cell_last[k]));

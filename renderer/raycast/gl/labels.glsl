@@ -30,7 +30,7 @@ Label label_at(vec3 p) {
     near[k] = clamp(at, 0.0, float(job.label_dims[k] - 1));
     float beyond = abs(at - near[k]);
 #if NEAREST
-    near[k] = floor(near[k] + 0.5);
+    near[k] = floor(near[k] + 0.501);
     inside *= beyond <= 0.5 ? 1.0 : 0.0;
 #else
     inside *= flat_axis[k] == 0 ? max(1.0 - beyond, 0.0) : beyond <= 0.5 ? 1.0 : 0.0;
