@@ -163,6 +163,33 @@ TEST(close_to_reference) {
 
 /* ---- agreement ---- */
 
+static double columns(double x, double y, double z, const void *seed) { return test_noise(x, y, 0, seed); }
+
+/* Parallel rays along columns of voxels, three pixels a voxel: every third one runs exactly halfway between two columns, and meets
+ * the upper. The reference, too, is judged. */
+TEST(halfway_the_upper_voxel_shows) {
+  for (unsigned seed = 0; seed < 6; seed++) {
+    const double mm = 0.7 + 0.13 * seed; /* a voxel */
+    const test_grid grid = {.dims = {15, 15, 6}, .type = TC_F32, .spacing = {mm, mm, 1.1}, .origin = {131.7 * seed, -88.3, 40.9}};
+    g_autoptr(tc_volume) volume = test_volume(&grid, columns, &seed);
+    const double middle[3] = {grid.origin[0] + 7 * mm, grid.origin[1] + 7 * mm, grid.origin[2]};
+    g_auto(tc_scene) scene;
+    scene_of(&scene, volume, &kinds[0], (tc_mode)(TC_MODE_MIP + seed % 3), 0.5);
+    test_scene_look(&scene, TC_ORTHOGRAPHIC, (double[3]){middle[0], middle[1], middle[2] - 50}, middle, SIDE * mm / 3);
+    g_autofree float *reference = test_reference(volume, &scene, 0);
+    for (int i = 0; i <= RENDERERS; i++) { /* the last: the reference */
+      if (i < RENDERERS && !test_renderers[i]) continue;
+      const float *image = i < RENDERERS ? render(i, volume, &scene, NULL) : reference;
+      for (int p = 0; p < PIXELS; p++) { /* x falls from the left of the picture to the right */
+        const double x = floor(7 - (p % SIDE + 0.5 - SIDE / 2) / 3 + 0.5 + 1e-6), y = floor(7 - (p / SIDE + 0.5 - SIDE / 2) / 3 + 0.5 + 1e-6);
+        const double want = (columns(x, y, 0, &seed) - scene.window.center) / scene.window.width + 0.5;
+        if (fabs((double)image[4 * p] - want) > (i == GL ? 1 / 255.0 : 1e-5))
+          fail_msg("%u, %s: pixel %d,%d is %g, expected %g", seed, i < RENDERERS ? test_names[i] : "reference", p % SIDE, p / SIDE, (double)image[4 * p], want);
+      }
+    }
+  }
+}
+
 TEST(everyone_agrees) {
   double worst[RENDERERS] = {0};
   size_t ties = 0, compared = 0;

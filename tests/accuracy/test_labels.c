@@ -90,11 +90,13 @@ static int label_of(const tc_volume *labels, const int at[3]) {
   }
 }
 
-/* What lies over grey 0.5 at a place: each of the eight voxels around it with its weight. */
+/* What lies over grey 0.5 at a place: each of the eight voxels around it with its weight; with filter nearest the nearest alone, of
+ * two equally near ones the upper. */
 static void overlay_at(const tc_volume *labels, const tc_scene *scene, const double lps[3], double rgb[3]) {
   const tc_volume_desc *d = tc_volume_describe(labels);
   double index[3], sum[4] = {0};
   tc_volume_lps_to_index(labels, lps, index);
+  for (int k = 0; k < 3 && scene->filter == TC_FILTER_NEAREST; k++) index[k] = floor(index[k] + 0.5 + 1e-6);
   for (int corner = 0; corner < 8; corner++) {
     int at[3];
     double weight = 1;
@@ -105,7 +107,6 @@ static void overlay_at(const tc_volume *labels, const tc_scene *scene, const dou
         at[k] = 0;
         share = !(corner >> k & 1) && fabs(index[k]) <= 0.5;
       }
-      if (scene->filter == TC_FILTER_NEAREST) share = fabs(index[k] - at[k]) <= 0.5;
       weight *= share;
     }
     int label = label_of(labels, at);
@@ -149,6 +150,32 @@ TEST(every_place_has_the_mean_of_its_eight_labels) {
   assert_true(tinted > PIXELS);
 }
 
+/* Three pixels a label voxel: every third column and row of pixels, the slice, and the faces of the grid lie halfway between two
+ * voxels. All pixels there show the upper voxel. */
+TEST(halfway_between_labels_the_upper_shows) {
+  g_autoptr(tc_volume) volume = seven();
+  g_auto(tc_scene) scene;
+  slice_scene(&scene, 6.25);
+  with_labels(&scene, 0.7, some_colors, 4);
+  scene.filter = TC_FILTER_NEAREST;
+  for (unsigned seed = 0; seed < 6; seed++) {
+    const double place = 3.3 + 0.5 * seed; /* moves the grid by whole pixels */
+    const test_grid grid = {.dims = {9, 8, 7}, .type = TC_U8, .spacing = {1.5, 1.5, 1.5}, .origin = {place + 0.7, place + 0.2, 4 + 1.5 * (seed % 2)}};
+    g_autoptr(tc_volume) labels = test_volume(&grid, specks, &seed);
+    EACH_RENDERER(i) {
+      const float *image = render(i, volume, labels, &scene, NULL);
+      for (int p = 0; p < PIXELS; p++) {
+        const double lps[3] = {(p % SIDE + 0.5) * 0.5, (p / SIDE + 0.5) * 0.5, 6.25};
+        double want[3];
+        overlay_at(labels, &scene, lps, want);
+        for (int c = 0; c < 3; c++)
+          if (fabs(want[c] - (double)image[4 * p + c]) > 2e-5)
+            fail_msg("%u, %s: pixel %d,%d is %g, expected %g", seed, test_names[i], p % SIDE, p / SIDE, (double)image[4 * p + c], want[c]);
+      }
+    }
+  }
+}
+
 /* Along a face the overlay rises linearly from one voxel centre to the next: no step is larger than a pixel's share. */
 TEST(faces_are_smooth) {
   g_autoptr(tc_volume) volume = seven();
@@ -178,6 +205,35 @@ static void medium_scene(tc_scene *scene, double extinction) {
   test_scene_look(scene, TC_ORTHOGRAPHIC, (double[3]){12, 12, -50}, (double[3]){12, 12, 12}, 20);
   scene->camera.up[0] = scene->camera.up[2] = 0;
   scene->camera.up[1] = -1;
+}
+
+static double stripes(double x, double y, double z, const void *context) { return 1 + fmod(x, 2); }
+
+/* Parallel rays, three a label voxel: every third runs halfway between two. The reference, too, is judged. */
+TEST(rays_between_labels_meet_the_upper) {
+  static const double colors[2][4] = {{1, 0, 0, 1}, {0, 1, 0, 1}};
+  g_autoptr(tc_volume) volume = seven();
+  g_autoptr(tc_volume) labels = test_volume(
+      &(test_grid){.dims = {20, 25, 25}, .type = TC_U8, .spacing = {1.25, 1, 1}, .origin = {0.75 + 1e-10, 0, 0}}, stripes, NULL); /* plus a rounding error */
+  g_auto(tc_scene) scene;
+  medium_scene(&scene, 0.1);
+  with_labels(&scene, 1, colors, 2);
+  scene.filter = TC_FILTER_NEAREST;
+  const tc_reference_request of = {.volume = volume, .labels = labels, .scene = &scene, .width = SIDE, .height = SIDE};
+  g_autofree float *wanted = g_new(float, PIXELS * 4);
+  tc_reference *reference = tc_reference_make(&of, NULL);
+  assert_true(tc_reference_image(reference, 2, wanted, NULL));
+  tc_reference_free(reference);
+  for (int i = 0; i <= RENDERERS; i++) { /* the last: the reference */
+    if (i < RENDERERS && !test_renderers[i]) continue;
+    const float *image = i < RENDERERS ? render(i, volume, labels, &scene, NULL) : wanted;
+    for (int p = 0; p < PIXELS; p++) {
+      const double voxel = floor((p % SIDE + 0.5) / 3 + 1 + 0.5 + 1e-6), *color = colors[(int)fmod(voxel, 2)];
+      for (int c = 0; c < 3; c++)
+        if (fabs((double)image[4 * p + c] - -expm1(-2.4) * color[c]) > 1e-4)
+          fail_msg("%s: pixel %d,%d is %g", i < RENDERERS ? test_names[i] : "reference", p % SIDE, p / SIDE, (double)image[4 * p + c]);
+    }
+  }
 }
 
 TEST(hiding_thins_the_medium_and_tint_colours_it) {

@@ -29,9 +29,10 @@ V_INLINE vf find_label_cell(const tc_cpu_labels *l, const packet *p, vf t, vi ce
   for (int k = 0; k < 3; k++) {
     const float *m = l->matrix[k];
     vf at = v_fma(v_set(m[2]), q[2], v_fma(v_set(m[1]), q[1], v_fma(v_set(m[0]), q[0], v_set(m[3]))));
+    if (l->nearest) at = at + v_set(NEAREST_UP);
     vf near = v_min(v_max(at, v_set(0)), v_set(l->grid.last[k])), beyond = v_abs(at - near);
     bool hard = l->nearest || l->grid.last[k] < 1;
-    if (l->nearest) near = v_float(nearest_voxel(near));
+    if (l->nearest) near = v_float(v_trunc(near + v_set(0.5f)));
     inside =
         inside * (hard ? v_select(v_le(beyond, v_set(0.5f)), v_set(1), v_set(0)) : v_max(v_set(1) - beyond, v_set(0)));
     cell[k] = v_mini(v_trunc(near), v_seti(l->grid.cell_last[k]));

@@ -26,11 +26,14 @@ Label label_at(vec3 p) {
   ivec3 flat_axis;
   for (int k = 0; k < 3; k++) {
     float at = dot(job.label_matrix[k].xyz, p) + job.label_matrix[k].w;
+#if NEAREST
+    at += 0.001; // NEAREST_UP of cpu/filter_tmpl.h
+#endif
     flat_axis[k] = int(job.label_dims[k] == 1);
     near[k] = clamp(at, 0.0, float(job.label_dims[k] - 1));
     float beyond = abs(at - near[k]);
 #if NEAREST
-    near[k] = floor(near[k] + 0.501);
+    near[k] = floor(near[k] + 0.5);
     inside *= beyond <= 0.5 ? 1.0 : 0.0;
 #else
     inside *= flat_axis[k] == 0 ? max(1.0 - beyond, 0.0) : beyond <= 0.5 ? 1.0 : 0.0;
