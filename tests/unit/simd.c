@@ -283,19 +283,19 @@ static void neighbourhoods_hold_their_voxels(void **unused) {
 
 /* In memory that holds little beside. The differences of voxels of 16 bits are within 16 bits. */
 static void neighbourhoods_hold_their_slopes(void **unused) {
-#define SLOPES(name, type, cells)                                                                                     \
+#define SLOPES(name, type, cells, rows, slices)                                                                       \
   for (int round = 0; round < ROUNDS / 8; round++) {                                                                  \
-    const int row = 8 + (int)(draw() % 9), slice = 6 * row + (int)(draw() % 30), first = slice + 1;                   \
-    const int count = first + 4 * slice + 3 * row + cells + 2, along[] = {1, row, slice};                             \
+    const int row = 8 + (int)(draw() % 9), slice = 7 * row + (int)(draw() % 30), first = slice + 1;                   \
+    const int count = first + slices * slice + (rows - 1) * row + cells + 2, along[] = {1, row, slice};               \
     type *memory = malloc((size_t)count * sizeof *memory);                                                            \
     for (int k = 0; k < count; k++)                                                                                   \
       memory[k] = (type)((type)-1 < 0 ? -0x4000 : 0x8000) + (type)(draw() % 4 ? draw() & 0x7fff : draw() % 2 * 0x7fff); \
-    const v_slopes_##name n = v_slopes_load_##name(memory + first, row, slice);                                       \
+    const v_slopes_##name n = v_slopes_load_##name(memory + first, row, slice, rows, slices);                         \
     const int which = round % 3, y = (int)(draw() % 2), z = (int)(draw() % 2);                                        \
     lanes at, f;                                                                                                      \
     int voxel[V_LANES];                                                                                               \
     for (int k = 0; k < V_LANES; k++) {                                                                               \
-      const int c[] = {(int)(draw() % cells), (int)(draw() % 3), (int)(draw() % 3)};                                  \
+      const int c[] = {(int)(draw() % cells), (int)(draw() % (rows - 1)), (int)(draw() % (slices - 1))};              \
       at.i[k] = c[0] + (cells == 3 ? 4 * c[1] + 16 * c[2] : 8 * c[1] + 32 * c[2]);                                    \
       f.f[k] = draw() % 4 ? (float)(draw() % 0x1000000) / 0x1p24f : (float)(draw() % 2) * (1 - 0x1p-24f);             \
       voxel[k] = first + c[0] + (c[1] + y) * row + (c[2] + z) * slice;                                                \
@@ -313,11 +313,13 @@ static void neighbourhoods_hold_their_slopes(void **unused) {
     }                                                                                                                 \
     free(memory);                                                                                                     \
   }
-  SLOPES(u8, uint8_t, 5)
-  SLOPES(i8, int8_t, 5)
-  SLOPES(u16, uint16_t, 5)
-  SLOPES(i16, int16_t, 5)
-  SLOPES(f32, float, 3)
+#define SLOPES_OF_INTEGERS(name, type)                                                                                \
+  SLOPES(name, type, 5, 4, 4) SLOPES(name, type, 5, 4, 5) SLOPES(name, type, 5, 5, 5)
+  SLOPES_OF_INTEGERS(u8, uint8_t)
+  SLOPES_OF_INTEGERS(i8, int8_t)
+  SLOPES_OF_INTEGERS(u16, uint16_t)
+  SLOPES_OF_INTEGERS(i16, int16_t)
+  SLOPES(f32, float, 3, 4, 4)
 }
 #else
 static void neighbourhoods_hold_their_voxels(void **unused) {}

@@ -152,7 +152,7 @@ V_INLINE bool has_slopes(const tc_cpu_args *args, int type) { return type == TC_
 
 V_INLINE int slope_cells(int type, int k) { return k || type == TC_F32 ? 3 : 5; }
 
-/* The lowest cell of a neighbourhood for lanes from about `least` on. Returns its offset in voxels; negative: the volume is
+/* The lowest cell of the smallest neighbourhood for lanes from about `least` on. Returns its offset in voxels; negative: the volume is
  * too small. */
 V_INLINE ptrdiff_t first_slopes(const tc_cpu_args *args, int type, const float least[3], int base[3]) {
   const ptrdiff_t along[3] = {1, args->grid.row, args->grid.slice};
@@ -170,19 +170,11 @@ V_INLINE ptrdiff_t first_slopes(const tc_cpu_args *args, int type, const float l
   return inside ? first : -1;
 }
 
-/* Element numbers of the lanes' cells in the neighbourhood from cell `base` on. Returns the lanes whose cells fit. */
-V_INLINE vm slope_places(int type, const int base[3], const vi cell[3], vi *at) {
-  vi rest[3];
-#pragma GCC unroll 3
-  for (int k = 0; k < 3; k++) rest[k] = v_subi(cell[k], v_seti(base[k]));
-  *at = v_addi(rest[0], v_addi(v_shl(rest[1], type == TC_F32 ? 2 : 3), v_shl(rest[2], type == TC_F32 ? 4 : 5)));
-  return m_and(v_leu(rest[0], v_seti(slope_cells(type, 0) - 1)), v_leu(v_maxu(rest[1], rest[2]), v_seti(2)));
-}
-
 #define NEAR_SLOPES(name, voxel)                                                                                      \
-  V_INLINE void near_slopes_##name(const tc_cpu_args *args, ptrdiff_t first, vi at, vf f, slopes *s) {                \
-    const v_slopes_##name n =                                                                                         \
-        v_slopes_load_##name((const voxel *)args->grid.voxels + first, args->grid.row, args->grid.slice);             \
+  V_INLINE void near_slopes_##name(const tc_cpu_args *args, ptrdiff_t first, vi at, vf f, int rows, int slices,       \
+                                   slopes *s) {                                                                       \
+    const v_slopes_##name n = v_slopes_load_##name((const voxel *)args->grid.voxels + first, args->grid.row,          \
+                                                   args->grid.slice, rows, slices);                                   \
     _Pragma("GCC unroll 4") for (int i = 0; i < 4; i++)                                                               \
       _Pragma("GCC unroll 3") for (int k = 0; k < 3; k++)                                                             \
         s->along[k][i] = v_slope_##name(&n, k, at, i & 1, i >> 1, f);                                                 \
@@ -191,18 +183,46 @@ SIMD_VOXELS(NEAR_SLOPES)
 
 /* Twice the gradient, at f within the cells at elements `at` of the neighbourhood whose lowest cell is `first`; to the same
  * bits as by loads. */
-V_INLINE void near_central(const tc_cpu_args *args, int type, ptrdiff_t first, vi at, const vf f[3], vf gradient[3]) {
+V_INLINE void interpolate_near(const tc_cpu_args *args, int type, ptrdiff_t first, vi at, const vf f[3], int rows,
+                               int slices, vf gradient[3]) {
   slopes s;
   switch (type) { /* a constant after inlining */
-  case TC_U8: near_slopes_u8(args, first, at, f[0], &s); break;
-  case TC_I8: near_slopes_i8(args, first, at, f[0], &s); break;
-  case TC_U16: near_slopes_u16(args, first, at, f[0], &s); break;
-  case TC_I16: near_slopes_i16(args, first, at, f[0], &s); break;
-  default: near_slopes_f32(args, first, at, f[0], &s); break;
+  case TC_U8: near_slopes_u8(args, first, at, f[0], rows, slices, &s); break;
+  case TC_I8: near_slopes_i8(args, first, at, f[0], rows, slices, &s); break;
+  case TC_U16: near_slopes_u16(args, first, at, f[0], rows, slices, &s); break;
+  case TC_I16: near_slopes_i16(args, first, at, f[0], rows, slices, &s); break;
+  default: near_slopes_f32(args, first, at, f[0], rows, slices, &s); break;
   }
   interpolate_slopes(&s, f, gradient);
   if (type != TC_F32)
     for (int k = 0; k < 3; k++) gradient[k] = gradient[k] * v_set(1.0f / V_SLOPE_SHARES);
+}
+
+/* Twice the gradient at q of the lanes in `needs`, from the smallest neighbourhood from cell `base`, at offset `first`, on that
+ * holds their cells. Returns whether one does. */
+V_INLINE bool near_central(const tc_cpu_args *args, int type, const int base[3], ptrdiff_t first, const vf q[3], vm needs,
+                           vf gradient[3]) {
+  vi rest[3];
+  vf f[3];
+#pragma GCC unroll 3
+  for (int k = 0; k < 3; k++) { /* not clamped: positions beyond the volume do not fit */
+    const vi cell = v_trunc(q[k]);
+    f[k] = q[k] - v_float(cell);
+    rest[k] = v_subi(cell, v_seti(base[k]));
+  }
+  const vi at = v_addi(rest[0], v_addi(v_shl(rest[1], type == TC_F32 ? 2 : 3), v_shl(rest[2], type == TC_F32 ? 4 : 5)));
+  const vm fits_x = v_leu(rest[0], v_seti(slope_cells(type, 0) - 1));
+  const vi further = v_maxu(rest[1], rest[2]);
+  if (__builtin_expect(!m_any(m_andnot(needs, m_and(fits_x, v_leu(further, v_seti(2))))), 1)) {
+    interpolate_near(args, type, first, at, f, 4, 4, gradient);
+    return true;
+  }
+  if (type == TC_F32 || m_any(m_andnot(needs, m_and(fits_x, v_leu(further, v_seti(3)))))) return false;
+  if (base[2] + 4 > args->grid.cell_last[2]) return false;
+  if (!m_any(m_andnot(needs, v_leu(rest[1], v_seti(2))))) interpolate_near(args, type, first, at, f, 4, 5, gradient);
+  else if (base[1] + 4 > args->grid.cell_last[1]) return false;
+  else interpolate_near(args, type, first, at, f, 5, 5, gradient);
+  return true;
 }
 
 /* The least position along each axis of the lanes in `needs`. */

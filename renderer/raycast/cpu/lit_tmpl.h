@@ -63,19 +63,7 @@ V_INLINE void find_gradients(const tc_cpu_args *args, int type, const waiting *w
 #pragma GCC unroll 3
     for (int k = 0; k < 3; k++) q[k] = v_fma(s->t, w->dir[k], w->entry[k]);
 #ifdef V_NEAR
-    if (__builtin_expect(s->first >= 0, 1)) {
-      vi cell[3], at;
-      vf f[3];
-#pragma GCC unroll 3
-      for (int k = 0; k < 3; k++) { /* not clamped: positions beyond the volume do not fit */
-        cell[k] = v_trunc(q[k]);
-        f[k] = q[k] - v_float(cell[k]);
-      }
-      if (__builtin_expect(!m_any(m_andnot(s->visible, slope_places(type, s->base, cell, &at))), 1)) {
-        near_central(args, type, s->first, at, f, gradients[n]);
-        continue;
-      }
-    }
+    if (__builtin_expect(s->first >= 0, 1) && near_central(args, type, s->base, s->first, q, s->visible, gradients[n])) continue;
 #endif
     for (int k = 0; k < 3; k++) q[k] = v_min(v_max(q[k], v_set(0)), v_set(args->grid.last[k]));
     central_of(args, type, q, s->visible, gradients[n]);

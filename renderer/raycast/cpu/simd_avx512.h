@@ -238,15 +238,16 @@ V_INLINE vi v_near_both(vi at) {
   static const int32_t next = 0x10000;
   return v_addi(_mm512_or_si512(at, v_shl(at, 16)), v_loaded(&next));
 }
-/* Cells lie in slices 0 to 2. One permutation finds the voxels of cells in slices 0 and 1, a masked one those of slice 2. */
-V_INLINE __mmask32 v_in_third(vi at) { return _mm512_test_epi16_mask(v_near_both(at), v_seti(0x00400040)); }
-V_INLINE vi v_near_words_at(const vi z[3], vi at, vi both) {
-  vi words = _mm512_permutex2var_epi16(z[0], both, z[1]);
-  return _mm512_mask_permutexvar_epi16(words, v_in_third(at), both, z[2]);
+/* One permutation finds the voxels of cells in slices 0 and 1, one more those of cells in slice 2, or in slices 2 and 3. */
+V_INLINE __mmask32 v_from_third(vi at) { return _mm512_test_epi16_mask(v_near_both(at), v_seti(0x00400040)); }
+V_INLINE vi v_near_words_at(const vi *z, vi at, vi both, int slices) {
+  const vi words = _mm512_permutex2var_epi16(z[0], both, z[1]);
+  if (slices == 3) return _mm512_mask_permutexvar_epi16(words, v_from_third(at), both, z[2]);
+  return _mm512_mask_blend_epi16(v_from_third(at), words, _mm512_permutex2var_epi16(z[2], both, z[3]));
 }
 V_INLINE void v_near_pair_u16(const v_near_slices *n, vi at, int more, vf *a, vf *b) {
   vi both = more % 32 ? v_addi(v_near_both(at), v_near_more(more % 32)) : v_near_both(at);
-  v_biased_words(v_near_words_at(n->z + more / 32, at, both), a, b);
+  v_biased_words(v_near_words_at(n->z + more / 32, at, both, 3), a, b);
 }
 #define v_near_pair_i16 v_near_pair_u16
 /* The permutation fetches the two words that hold the bytes, which are one word where `at` is even. */
@@ -270,9 +271,12 @@ V_INLINE void v_near_pair_f32(const v_near_floats *n, vi at, int more, vf *a, vf
   *b = v_near_float(n, v_addi(at, v_seti(more + 1)), high);
 }
 
-/* Slopes of integers are words. A register is a slice of four rows of 8, whose first six are the slopes along x and whose
- * second to seventh are those along y and z. */
-typedef struct v_slope_words { vi along[3][4]; } v_slope_words;
+/* Slopes of integers are words. A register holds four rows of 8 of a slice, whose first six are the slopes along x and whose
+ * second to seventh are those along y and z. Of five rows, the last four are in registers of their own. */
+typedef struct v_slope_words {
+  vi along[3][5], next_row[3][5];
+  int rows, slices; /* constants after inlining */
+} v_slope_words;
 typedef v_slope_words v_slopes_u8, v_slopes_i8, v_slopes_u16, v_slopes_i16;
 typedef struct v_slopes_f32 { v_near_floats along[3]; } v_slopes_f32;
 
@@ -286,26 +290,39 @@ V_INLINE vi v_four_eights(const char *p, int bytes, bool negative, ptrdiff_t row
     return negative ? _mm512_cvtepi8_epi16(v_four_rows(p, row)) : _mm512_cvtepu8_epi16(v_four_rows(p, row));
   return v_words_slice(p, row);
 }
+V_INLINE vi v_eight_four_times(const char *p, int bytes, bool negative) {
+  return _mm512_broadcast_i64x2(v_eight(p, bytes, negative));
+}
 /* row, slice: bytes */
-V_INLINE v_slope_words v_slope_words_load(const char *p, int bytes, bool negative, ptrdiff_t row, ptrdiff_t slice) {
-  vi at[6];
-  v_slope_words n;
+V_INLINE v_slope_words v_slope_words_load(const char *p, int bytes, bool negative, ptrdiff_t row, ptrdiff_t slice,
+                                          int rows, int slices) {
+  const bool more = rows > 4;
+  vi at[7], next_row[7]; /* rows 0 to 3 and 1 to 4 of the slices from the one before on */
+  v_slope_words n = {.rows = rows, .slices = slices};
   p -= bytes;
-#pragma GCC unroll 6
-  for (int k = 0; k < 6; k++) at[k] = v_four_eights(p + (k - 1) * slice, bytes, negative, row);
-#pragma GCC unroll 4
-  for (int k = 0; k < 4; k++) {
-    vi before = _mm512_broadcast_i64x2(v_eight(p + k * slice - row, bytes, negative));
-    vi behind = _mm512_broadcast_i64x2(v_eight(p + k * slice + 4 * row, bytes, negative));
-    before = _mm512_alignr_epi64(at[1 + k], before, 6);
-    behind = _mm512_alignr_epi64(behind, at[1 + k], 2);
+#pragma GCC unroll 7
+  for (int k = 0; k < slices + 2; k++) {
+    const char *const from = p + (k - 1) * slice;
+    at[k] = v_four_eights(from, bytes, negative, row);
+    if (more || (k > 0 && k <= slices))
+      next_row[k] = _mm512_alignr_epi64(v_eight_four_times(from + 4 * row, bytes, negative), at[k], 2);
+  }
+#pragma GCC unroll 5
+  for (int k = 0; k < slices; k++) {
+    const vi before = _mm512_alignr_epi64(at[1 + k], v_eight_four_times(p + k * slice - row, bytes, negative), 6);
     n.along[0][k] = _mm512_sub_epi16(_mm512_bsrli_epi128(at[1 + k], 4), at[1 + k]);
-    n.along[1][k] = _mm512_sub_epi16(behind, before);
+    n.along[1][k] = _mm512_sub_epi16(next_row[1 + k], before);
     n.along[2][k] = _mm512_sub_epi16(at[2 + k], at[k]);
+    if (!more) continue;
+    const vi last = v_eight_four_times(p + k * slice + 5 * row, bytes, negative);
+    n.next_row[0][k] = _mm512_sub_epi16(_mm512_bsrli_epi128(next_row[1 + k], 4), next_row[1 + k]);
+    n.next_row[1][k] = _mm512_sub_epi16(_mm512_alignr_epi64(last, next_row[1 + k], 2), at[1 + k]);
+    n.next_row[2][k] = _mm512_sub_epi16(next_row[2 + k], next_row[k]);
   }
   return n;
 }
-V_INLINE v_slopes_f32 v_slopes_load_f32(const void *voxels, ptrdiff_t row, ptrdiff_t slice) {
+V_INLINE v_slopes_f32 v_slopes_load_f32(const void *voxels, ptrdiff_t row, ptrdiff_t slice, int rows, int slices) {
+  (void)rows, (void)slices;
   const float *p = voxels;
   v_slopes_f32 n;
 #pragma GCC unroll 4
@@ -319,14 +336,15 @@ V_INLINE v_slopes_f32 v_slopes_load_f32(const void *voxels, ptrdiff_t row, ptrdi
 
 V_INLINE vf v_slope_words_at(const v_slope_words *n, int k, vi at, int y, int z, vf f) {
   const vi upper = v_trunc(f * v_set(V_SLOPE_SHARES)), lower = v_subi(v_seti(V_SLOPE_SHARES), upper);
-  vi both = v_addi(v_near_both(at), v_seti((8 * y + (k > 0)) * 0x10001));
-  vi words = v_near_words_at(n->along[k] + z, at, both);
+  const bool further = y && n->rows > 4;
+  vi both = v_addi(v_near_both(at), v_seti(((further ? 0 : 8 * y) + (k > 0)) * 0x10001));
+  vi words = v_near_words_at((further ? n->next_row : n->along)[k] + z, at, both, n->slices - 1);
   return v_float(_mm512_madd_epi16(words, v_ori(lower, v_shl(upper, 16))));
 }
 #define V_SLOPES(name, type)                                                                                          \
-  V_INLINE v_slopes_##name v_slopes_load_##name(const void *p, ptrdiff_t row, ptrdiff_t slice) {                      \
+  V_INLINE v_slopes_##name v_slopes_load_##name(const void *p, ptrdiff_t row, ptrdiff_t slice, int rows, int slices) { \
     const ptrdiff_t bytes = sizeof(type);                                                                             \
-    return v_slope_words_load((const char *)p, (int)bytes, (type)-1 < 0, bytes * row, bytes * slice);                 \
+    return v_slope_words_load((const char *)p, (int)bytes, (type)-1 < 0, bytes * row, bytes * slice, rows, slices);   \
   }                                                                                                                   \
   V_INLINE vf v_slope_##name(const v_slopes_##name *n, int k, vi at, int y, int z, vf f) {                            \
     return v_slope_words_at(n, k, at, y, z, f);                                                                       \
