@@ -152,8 +152,8 @@ V_INLINE bool has_slopes(const tc_cpu_args *args, int type) { return type == TC_
 
 V_INLINE int slope_cells(int type, int k) { return k || type == TC_F32 ? 3 : 5; }
 
-/* The lowest cell of the smallest neighbourhood for lanes from about `least` on. Returns its offset in voxels; negative: the volume is
- * too small. */
+/* The lowest cell of the smallest neighbourhood for lanes from about `least` on. Returns its offset in voxels; negative: the
+ * volume is too small. */
 V_INLINE ptrdiff_t first_slopes(const tc_cpu_args *args, int type, const float least[3], int base[3]) {
   const ptrdiff_t along[3] = {1, args->grid.row, args->grid.slice};
   ptrdiff_t first = 0;

@@ -45,12 +45,13 @@
  *   p, with strides `row` and `slice` in voxels along y and z, reading these voxels alone; v_near_pair_T: elements at +
  *   more and at + more + 1, with V_BIAS_T added to each. Element x + V_NEAR_T (y + 4 z) is voxel (x, y, z); `at` is a cell's
  *   lowest corner, `more` 0, V_NEAR_T, 4 V_NEAR_T or 5 V_NEAR_T; unspecified in a lane whose cell lies outside. v_whole:
- *   rounded towards zero, as a float. v_slopes_T: the central differences (the next voxel less the one
- *   before) along each axis of 6 x `rows` x `slices` voxels, 4x4, 4x5 or 5x5 (f32: 4x4x4 voxels); those of integers must fit
- *   16 bits. v_slopes_load_T: the same whose lowest voxel is at p, reading from p - slice - 1 on. v_slope_T: along axis k, between that of the voxel (0, y, z)
- *   beyond element `at` and that of its neighbour along x, 0 <= f < 1 of the way from the first (element x + 8 y + 32 z,
- *   x <= 4; f32: x + 4 y + 16 z, x <= 2; y <= rows - 2, z <= slices - 2), rounded once. Of integers, f is cut to multiples of
- *   1 / V_SLOPE_SHARES, and the result is V_SLOPE_SHARES times the slope: weights of 16 bits.
+ *   rounded towards zero, as a float. v_slopes_T: the central differences (the next voxel less the one before) along each
+ *   axis of 6 x `rows` x `slices` voxels, with rows and slices 4 and 4, 4 and 5, or 5 and 5 (f32: 4x4x4 voxels); those of
+ *   integers must fit 16 bits. v_slopes_load_T: the same whose lowest voxel is at p, reading from p - slice - 1 on.
+ *   v_slope_T: along axis k, between that of the voxel (0, y, z) beyond element `at` and that of its neighbour along x,
+ *   0 <= f < 1 of the way from the first (element x + 8 y + 32 z, x <= 4; f32: x + 4 y + 16 z, x <= 2; y <= rows - 2,
+ *   z <= slices - 2), rounded once. Of integers, f is cut to multiples of 1 / V_SLOPE_SHARES, and the result is
+ *   V_SLOPE_SHARES times the slope: weights of 16 bits.
  * - v_bilinear: reads entries row0, row0 + 1, row1, row1 + 1 (4 floats each) of base, interpolates by fy between rows,
  *   then by fx, each as a + f (b - a) with v_fma: four equal entries give that entry, and fx = fy = 0 gives row0's.
  *
