@@ -198,8 +198,8 @@ V_INLINE void interpolate_near(const tc_cpu_args *args, int type, ptrdiff_t firs
     for (int k = 0; k < 3; k++) gradient[k] = gradient[k] * v_set(1.0f / V_SLOPE_SHARES);
 }
 
-/* Twice the gradient at q of the lanes in `needs`, from the smallest neighbourhood from cell `base`, at offset `first`, on that
- * holds their cells. Returns whether one does. */
+/* Twice the gradient at q of the lanes in `needs`, from the smallest neighbourhood that holds their cells and begins at cell
+ * `base`, at offset `first`. Returns false if no neighbourhood holds them. */
 V_INLINE bool near_central(const tc_cpu_args *args, int type, const int base[3], ptrdiff_t first, const vf q[3], vm needs,
                            vf gradient[3]) {
   vi rest[3];
