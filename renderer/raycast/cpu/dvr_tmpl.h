@@ -62,7 +62,7 @@ V_INLINE void cast_packet(const tc_cpu_args *args, variant v, const place *at, v
   vf *const at_next = cell ? slopes[2] : NULL;
   if (v.shaded) light = start_lighting(args, v, at);
   if (phased(v)) p.lag = lag_of(args, v, at);
-  const march m = start_march(args, v, &p, !phased(v)); /* a ray's phase shortens the packet's first segment */
+  march m = start_march(args, v, &p, !phased(v)); /* a ray's phase shortens the packet's first segment */
   if (later) start_waiting(&w, &p, &light);
   if (v.leap) r = start_runs(args, v, &p, at);
   /* A run, too, begins with two rounds that only fetch: they use the neighbourhoods and prefetches of all others. */

@@ -2,6 +2,9 @@
  * are taken from one neighbourhood of 4x4x4 floats, or 8x4x4 integers, in registers instead of by loads, for instruction
  * sets that have neighbourhoods (V_NEAR, simd.h). Both ways give the same bits.
  *
+ * Without neighbourhoods, the cells of the next step are found before this step's voxels are loaded: a processor's window of
+ * about 256 instructions holds little more than one step, so that the chain from position to address would delay every step.
+ *
  * The rays of a packet enter a slanted face at different depths, which would spread the samples of one step along the
  * rays. Therefore lanes that enter further from the eye wait whole steps, so that all lanes sample at similar depths;
  * the positions of a ray's samples do not change. */
@@ -9,12 +12,20 @@
 #define PREFETCH_STEPS 8
 #define MOST_NEIGHBOURHOODS 1.35f /* largest mean number of neighbourhoods per step for which loads are slower */
 
+/* The cells of all lanes at an inner step, as offsets in voxels, and the positions in them. */
+typedef struct inner_cells {
+  vi off;
+  vf f[3];
+} inner_cells;
+
 typedef struct march {
   ptrdiff_t ahead; /* offset in voxels to the position of the rays PREFETCH_STEPS later */
   bool near;       /* most steps fit a neighbourhood */
   float lo[3], rise[3], width[3]; /* at step i, the lanes lie from lo + i rise to width beyond, along each axis */
   int inner, n_inner; /* first inner step, and their number: there no position needs clamping to the volume */
   bool fits;          /* at all inner steps, all cells fit a neighbourhood */
+  inner_cells next;   /* by loads only: of step next_step, if that is an inner step */
+  int next_step;
 } march;
 
 V_INLINE float v_most(vf a) { return 0 - v_least(v_set(0) - a); }
@@ -46,6 +57,13 @@ V_INLINE void find_inner(const tc_cpu_args *args, const packet *p, march *m) {
   m->n_inner = to < (float)m->inner ? 0 : (int)to - m->inner;
 }
 
+/* Whether the cells of an inner step may be loaded without clamping. Rays that miss the volume, or have no finite position, have
+ * no inner steps. */
+V_INLINE bool may_load_unclamped(const packet *p) {
+  const vf sum = (p->entry[0] + p->dir[0]) + (p->entry[1] + p->dir[1]) + (p->entry[2] + p->dir[2]);
+  return m_count(m_and(p->live, v_lt(v_abs(sum), v_set(1e30f)))) == V_LANES;
+}
+
 /* Bounds the lanes' positions (m->lo, m->rise, m->width). Each lane's position is linear in the step, so the minimum
  * over the lanes is concave and lies above the chord from the packet's first step to its last; the maximum lies below
  * its chord. Neighbourhoods serve the march (m->near) if few of its steps are expected not to fit one. */
@@ -70,8 +88,9 @@ V_INLINE void bound_lanes(const tc_cpu_args *args, variant v, const packet *p, m
     m->width[k] = width + 2 * slack;
   }
   m->near = args->near && v.filter == TC_FILTER_LINEAR && parts <= MOST_NEIGHBOURHOODS;
-  m->n_inner = 0;
-  if (m->near && !phased(v)) find_inner(args, p, m);
+  m->n_inner = 0, m->next_step = -1;
+  const bool by_loads = v.filter == TC_FILTER_LINEAR && !v.any_type && may_load_unclamped(p);
+  if ((m->near || by_loads) && !phased(v)) find_inner(args, p, m);
 }
 
 /* Offset in voxels between a ray's position and its position `steps` later. */
@@ -90,13 +109,45 @@ V_INLINE march start_march(const tc_cpu_args *args, variant v, packet *p, bool m
   march m = {.near = false};
   if (v.filter != TC_FILTER_LINEAR || !m_any(p->live)) return m;
   m.ahead = steps_ahead(args, p, PREFETCH_STEPS);
-#ifdef V_NEAR
-  if (!args->near) return m;
-  if (may_level) level_lanes(args, p);
+  const bool level = may_level && args->near;
+  if (level) level_lanes(args, p);
   bound_lanes(args, v, p, &m);
-  if (!m.near) p->delay = v_set(0), p->most_delay = 0;
-#endif
+  if (level && !m.near) p->delay = v_set(0), p->most_delay = 0, m.n_inner = 0;
   return m;
+}
+
+/* Number of inner steps from step i on, before `end`; 0 or less if step i is not one. */
+V_INLINE int inner_steps(const march *m, int i, int end) {
+  const int last = m->inner + m->n_inner;
+  return i < m->inner ? 0 : (last < end ? last : end) - i;
+}
+
+V_INLINE inner_cells inner_cells_at(const tc_cpu_args *args, const packet *p, vf t) {
+  inner_cells c;
+  vi cell[3];
+#pragma GCC unroll 3
+  for (int k = 0; k < 3; k++) {
+    const vf q = v_fma(t, p->dir[k], p->entry[k]);
+    cell[k] = v_trunc(q);
+    c.f[k] = q - v_float(cell[k]);
+  }
+  c.off = cell_offset(args, cell);
+  return c;
+}
+
+/* The voxel value at the position of prefetched cells. */
+V_INLINE vf load_cells(const tc_cpu_args *args, variant v, const march *m, const v_places *at, const vf f[3], vf *gradient) {
+  v_prefetch((const void *)((uintptr_t)args->grid.voxels + (uintptr_t)(m->ahead * voxel_bytes(v.type))), at, voxel_bytes(v.type));
+  return sample_cells(args, v.type, at, f, gradient);
+}
+
+/* The voxel value at inner step i, at t mm, by loads. Finds the cells of step i + 1, too, which are not loaded if that is not an
+ * inner step. */
+V_INLINE vf load_inner(const tc_cpu_args *args, variant v, const packet *p, march *m, int i, vf t, vf *gradient) {
+  const inner_cells c = m->next_step == i ? m->next : inner_cells_at(args, p, t);
+  const v_places at = v_place(c.off);
+  m->next = inner_cells_at(args, p, sample_mm(args, v, p, i + 1)), m->next_step = i + 1;
+  return load_cells(args, v, m, &at, c.f, gradient);
 }
 
 #ifdef V_NEAR
@@ -119,12 +170,6 @@ V_INLINE ptrdiff_t near_first(const tc_cpu_args *args, int type, const march *m,
     first += least[k] * along[k];
   }
   return first;
-}
-
-/* Number of inner steps from step i on, before `end`; 0 or less if step i is not one. */
-V_INLINE int inner_steps(const march *m, int i, int end) {
-  const int last = m->inner + m->n_inner;
-  return i < m->inner ? 0 : (last < end ? last : end) - i;
 }
 
 /* The lanes' cells in the neighbourhood that begins at cell `least`, at an inner step, and the positions in them. Returns
@@ -167,16 +212,24 @@ V_INLINE corners march_near(const tc_cpu_args *args, int type, const packet *p, 
   return near_corners(args, type, first, at);
 }
 
-/* march_voxel() at an inner step, without a test of that. */
-V_INLINE vf inner_voxel(const tc_cpu_args *args, variant v, const packet *p, const march *m, int i, vf t, vm needs) {
-  vf f[3];
-  const corners c = march_near(args, v.type, p, m, i, false, t, needs, true, f);
-  return interpolate(v.type, &c, f, NULL);
-}
 #endif
 
+/* march_voxel() at an inner step, without a test of that. */
+V_INLINE vf inner_voxel(const tc_cpu_args *args, variant v, const packet *p, march *m, int i, vf t, vm needs) {
+#ifdef V_NEAR
+  if (m->near) {
+    vf f[3];
+    const corners c = march_near(args, v.type, p, m, i, false, t, needs, true, f);
+    return interpolate(v.type, &c, f, NULL);
+  }
+#else
+  (void)needs;
+#endif
+  return load_inner(args, v, p, m, i, t, NULL);
+}
+
 /* The voxel value at t mm along the rays, at step i of the march. needs: the lanes whose sample will be used. */
-V_INLINE vf march_voxel(const tc_cpu_args *args, variant v, const packet *p, const march *m, int i, vf t, vm needs,
+V_INLINE vf march_voxel(const tc_cpu_args *args, variant v, const packet *p, march *m, int i, vf t, vm needs,
                         vf *gradient) {
   if (v.filter != TC_FILTER_LINEAR) return sample_field(args, v, p, t, gradient);
 #ifdef V_NEAR
@@ -187,15 +240,14 @@ V_INLINE vf march_voxel(const tc_cpu_args *args, variant v, const packet *p, con
   }
 #endif
   if (v.any_type) return sample_field(args, v, p, t, gradient);
+  if (inner_steps(m, i, i + 1) > 0) return load_inner(args, v, p, m, i, t, gradient);
   const spot s = spot_at(args, p, t);
   const v_places at = v_place(cell_offset(args, s.cell));
-  v_prefetch((const void *)((uintptr_t)args->grid.voxels + (uintptr_t)(m->ahead * voxel_bytes(v.type))), &at,
-             voxel_bytes(v.type));
-  return sample_cells(args, v.type, &at, s.f, gradient);
+  return load_cells(args, v, m, &at, s.f, gradient);
 }
 
 /* march_voxel() converted to a node of the table. */
-V_INLINE vf march_node(const tc_cpu_args *args, variant v, const packet *p, const march *m, int i, vf t, vm needs,
+V_INLINE vf march_node(const tc_cpu_args *args, variant v, const packet *p, march *m, int i, vf t, vm needs,
                        vf *gradient) {
   return node_of(args, march_voxel(args, v, p, m, i, t, needs, gradient));
 }

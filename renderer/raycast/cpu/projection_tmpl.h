@@ -75,10 +75,9 @@ V_INLINE void raise_peak(const tc_cpu_args *args, variant v, const packet *p, vf
   have->best = v_max(have->best, w);
 }
 
-#ifdef V_NEAR
 /* Samples the inner steps from `first` to before `end`. Every ray of the packet has a sample there, so that no lane needs a mask.
  * Ends early if all chosen lanes have reached grey.stop. Returns the first step not sampled. */
-V_INLINE int sample_inner(const tc_cpu_args *args, variant v, const packet *p, const march *m, int first, int end,
+V_INLINE int sample_inner(const tc_cpu_args *args, variant v, const packet *p, march *m, int first, int end,
                           vm *chosen, peak *have, tc_cpu_counts *counts) {
   const vf step = v_set(args->rays.step_mm), stop = v_set(args->grey.stop), sign = v_set(args->grey.sign);
   vf number = v_set((float)first) - p->delay, best = v_set(-FLT_MAX), at = v_set(0);
@@ -96,7 +95,6 @@ V_INLINE int sample_inner(const tc_cpu_args *args, variant v, const packet *p, c
   *chosen = left;
   return i;
 }
-#endif
 
 /* The present maxima, in levels. */
 V_INLINE vf risen(const tc_cpu_args *args, const peak *have) {
@@ -135,18 +133,16 @@ V_INLINE float level_of_lanes(const tc_cpu_args *args, const packet *p, vm live,
 }
 
 /* The chosen lanes' samples from number `first` on: those that a march would take. */
-V_INLINE void sample_interval(const tc_cpu_args *args, variant v, const packet *p, const march *m, int first,
+V_INLINE void sample_interval(const tc_cpu_args *args, variant v, const packet *p, march *m, int first,
                               int interval, vm chosen, peak *have, tc_cpu_counts *counts) {
   const vf step = v_set(args->rays.step_mm), stop = v_set(args->grey.stop);
   for (int i = first; i < first + interval; i++) {
-#ifdef V_NEAR
     const int run = v.labels ? 0 : inner_steps(m, i, first + interval);
     if (__builtin_expect(run > 0, 1)) {
       if (!m_any(chosen) || !keep_polling(args, run, counts)) break;
       i = sample_inner(args, v, p, m, i, i + run, &chosen, have, counts) - 1;
       continue;
     }
-#endif
     vf t = (v_set((float)i) - p->delay) * step, before = (v_set((float)(i - 1)) - p->delay) * step;
     chosen = m_and(chosen, m_and(v_lt(before, p->length), v_lt(have->best, stop)));
     if (!keep_marching(args, chosen, counts, i - first)) break;
@@ -160,7 +156,7 @@ V_INLINE void sample_interval(const tc_cpu_args *args, variant v, const packet *
 
 /* The packet samples its interval of the highest level first, then the next, until none is above any lane's maximum.
  * levels: of n intervals from sample `first` on. Returns how many were sampled. */
-V_INLINE int climb(const tc_cpu_args *args, variant v, const packet *p, const march *m, int first, int interval,
+V_INLINE int climb(const tc_cpu_args *args, variant v, const packet *p, march *m, int first, int interval,
                    const float *levels, int n, vm live, peak *have, tc_cpu_counts *counts) {
   uint8_t head[256] = {0}, next[MOST_INTERVALS]; /* intervals of each level, numbered from 1, as lists that end in 0 */
   int visits = 0, highest = 0;
@@ -227,16 +223,14 @@ V_INLINE void cast_extreme(const tc_cpu_args *args, variant v, const place *at_p
   if (v.labels && m_any(m_andnot(live, have.met))) look = false; /* a skipped interval may hold the ray's only value
                                                                     outside gaps */
   if (!look && m_any(live)) {
-    const march m = start_march(args, v, &p, true);
+    march m = start_march(args, v, &p, true);
     for (int i = 0; keep_marching(args, live, counts, i); i++) {
-#ifdef V_NEAR
       const int run = v.labels ? 0 : inner_steps(&m, i, i + TC_CPU_POLL_STEPS);
       if (__builtin_expect(run > 0, 1)) {
         if (!keep_polling(args, run, counts)) break;
         i = sample_inner(args, v, &p, &m, i, i + run, &live, &have, counts) - 1;
         continue;
       }
-#endif
       vf t = (v_set((float)i) - p.delay) * v_set(args->rays.step_mm), at = v_min(t, p.length);
       const vm active = m_and(live, v_le(v_set(0), t));
       vf w = march_voxel(args, v, &p, &m, i, at, active, NULL) * v_set(args->grey.sign);

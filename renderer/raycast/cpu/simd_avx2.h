@@ -3,6 +3,7 @@
 #define TC_SIMD_AVX2_H
 
 #include <immintrin.h>
+#include <string.h>
 
 #include "renderer/raycast/cpu/simd.h"
 
@@ -98,11 +99,19 @@ V_INLINE v_places v_place(vi off) {
   __asm__("" : "+m"(at.off));
   return at;
 }
-#define V_LANE(l) _mm_loadu_si32(p + (ptrdiff_t)at->off[l] * size)
+V_INLINE int v_lane(const char *p, const v_places *at, int lane, int size) {
+  int x;
+  memcpy(&x, p + (ptrdiff_t)at->off[lane] * size, sizeof x);
+  return x;
+}
+V_INLINE __m128i v_four_lanes(const char *p, const v_places *at, int first, int size) {
+  __m128i four = _mm_cvtsi32_si128(v_lane(p, at, first, size));
+  four = _mm_insert_epi32(four, v_lane(p, at, first + 1, size), 1);
+  four = _mm_insert_epi32(four, v_lane(p, at, first + 2, size), 2);
+  return _mm_insert_epi32(four, v_lane(p, at, first + 3, size), 3);
+}
 V_INLINE vi v_load_lanes(const char *p, const v_places *at, int size) {
-  __m128i low01 = _mm_unpacklo_epi32(V_LANE(0), V_LANE(1)), low23 = _mm_unpacklo_epi32(V_LANE(2), V_LANE(3));
-  __m128i high01 = _mm_unpacklo_epi32(V_LANE(4), V_LANE(5)), high23 = _mm_unpacklo_epi32(V_LANE(6), V_LANE(7));
-  return _mm256_inserti128_si256(_mm256_castsi128_si256(_mm_unpacklo_epi64(low01, low23)), _mm_unpacklo_epi64(high01, high23), 1);
+  return _mm256_inserti128_si256(_mm256_castsi128_si256(v_four_lanes(p, at, 0, size)), v_four_lanes(p, at, 4, size), 1);
 }
 #include "renderer/raycast/cpu/simd_pairs.h"
 V_INLINE void v_load_pairs(const char *p, const v_places *at, int size, vf *a, vf *b) {
