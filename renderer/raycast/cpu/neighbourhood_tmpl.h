@@ -10,6 +10,11 @@
  * the positions of a ray's samples do not change. */
 
 #define PREFETCH_STEPS 8
+#ifdef V_NEAR
+#define LOADS_AHEAD false /* loads are the exception there; not measured */
+#else
+#define LOADS_AHEAD true
+#endif
 #define MOST_NEIGHBOURHOODS 1.35f /* largest mean number of neighbourhoods per step for which loads are slower */
 
 /* The cells of all lanes at an inner step, as offsets in voxels, and the positions in them. */
@@ -24,7 +29,7 @@ typedef struct march {
   float lo[3], rise[3], width[3]; /* at step i, the lanes lie from lo + i rise to width beyond, along each axis */
   int inner, n_inner; /* first inner step, and their number: there no position needs clamping to the volume */
   bool fits;          /* at all inner steps, all cells fit a neighbourhood */
-  inner_cells next;   /* by loads only: of step next_step, if that is an inner step */
+  inner_cells next;   /* LOADS_AHEAD: of step next_step, if that is an inner step */
   int next_step;
 } march;
 
@@ -89,7 +94,7 @@ V_INLINE void bound_lanes(const tc_cpu_args *args, variant v, const packet *p, m
   }
   m->near = args->near && v.filter == TC_FILTER_LINEAR && parts <= MOST_NEIGHBOURHOODS;
   m->n_inner = 0, m->next_step = -1;
-  const bool by_loads = v.filter == TC_FILTER_LINEAR && !v.any_type && may_load_unclamped(p);
+  const bool by_loads = LOADS_AHEAD && v.filter == TC_FILTER_LINEAR && !v.any_type && may_load_unclamped(p);
   if ((m->near || by_loads) && !phased(v)) find_inner(args, p, m);
 }
 
@@ -109,10 +114,10 @@ V_INLINE march start_march(const tc_cpu_args *args, variant v, packet *p, bool m
   march m = {.near = false};
   if (v.filter != TC_FILTER_LINEAR || !m_any(p->live)) return m;
   m.ahead = steps_ahead(args, p, PREFETCH_STEPS);
-  const bool level = may_level && args->near;
-  if (level) level_lanes(args, p);
+  if (!LOADS_AHEAD && !args->near) return m;
+  if (!LOADS_AHEAD && may_level) level_lanes(args, p); /* only neighbourhoods need it */
   bound_lanes(args, v, p, &m);
-  if (level && !m.near) p->delay = v_set(0), p->most_delay = 0, m.n_inner = 0;
+  if (!LOADS_AHEAD && !m.near) p->delay = v_set(0), p->most_delay = 0;
   return m;
 }
 
@@ -217,15 +222,13 @@ V_INLINE corners march_near(const tc_cpu_args *args, int type, const packet *p, 
 /* march_voxel() at an inner step, without a test of that. */
 V_INLINE vf inner_voxel(const tc_cpu_args *args, variant v, const packet *p, march *m, int i, vf t, vm needs) {
 #ifdef V_NEAR
-  if (m->near) {
-    vf f[3];
-    const corners c = march_near(args, v.type, p, m, i, false, t, needs, true, f);
-    return interpolate(v.type, &c, f, NULL);
-  }
+  vf f[3];
+  const corners c = march_near(args, v.type, p, m, i, false, t, needs, true, f);
+  return interpolate(v.type, &c, f, NULL);
 #else
   (void)needs;
-#endif
   return load_inner(args, v, p, m, i, t, NULL);
+#endif
 }
 
 /* The voxel value at t mm along the rays, at step i of the march. needs: the lanes whose sample will be used. */
@@ -240,7 +243,7 @@ V_INLINE vf march_voxel(const tc_cpu_args *args, variant v, const packet *p, mar
   }
 #endif
   if (v.any_type) return sample_field(args, v, p, t, gradient);
-  if (inner_steps(m, i, i + 1) > 0) return load_inner(args, v, p, m, i, t, gradient);
+  if (LOADS_AHEAD && inner_steps(m, i, i + 1) > 0) return load_inner(args, v, p, m, i, t, gradient);
   const spot s = spot_at(args, p, t);
   const v_places at = v_place(cell_offset(args, s.cell));
   return load_cells(args, v, m, &at, s.f, gradient);
