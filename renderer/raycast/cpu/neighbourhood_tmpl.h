@@ -62,8 +62,8 @@ V_INLINE void find_inner(const tc_cpu_args *args, const packet *p, march *m) {
   m->n_inner = to < (float)m->inner ? 0 : (int)to - m->inner;
 }
 
-/* Whether the cells of an inner step may be loaded without clamping. Rays that miss the volume, or have no finite position, have
- * no inner steps. */
+/* Whether the cells of all lanes may be loaded without clamping at inner steps: no ray misses the volume, every position is
+ * finite. */
 V_INLINE bool may_load_unclamped(const packet *p) {
   const vf sum = (p->entry[0] + p->dir[0]) + (p->entry[1] + p->dir[1]) + (p->entry[2] + p->dir[2]);
   return m_count(m_and(p->live, v_lt(v_abs(sum), v_set(1e30f)))) == V_LANES;
