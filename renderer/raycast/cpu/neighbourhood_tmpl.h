@@ -2,8 +2,8 @@
  * are taken from one neighbourhood of 4x4x4 floats, or 8x4x4 integers, in registers instead of by loads, for instruction
  * sets that have neighbourhoods (V_NEAR, simd.h). Both ways give the same bits.
  *
- * Without neighbourhoods, the cells of the next step are found before this step's voxels are loaded: a processor's window of
- * about 256 instructions holds little more than one step, so that the chain from position to address would delay every step.
+ * Kernels without neighbourhoods find the cells of the next step before they load this step's voxels. Zen 3 executes out of order
+ * within 256 instructions, little more than one step: the chain from position to address would delay every step.
  *
  * The rays of a packet enter a slanted face at different depths, which would spread the samples of one step along the
  * rays. Therefore lanes that enter further from the eye wait whole steps, so that all lanes sample at similar depths;
@@ -11,7 +11,7 @@
 
 #define PREFETCH_STEPS 8
 #ifdef V_NEAR
-#define LOADS_AHEAD false /* loads are the exception there; not measured */
+#define LOADS_AHEAD false /* few of these kernels' steps load voxels; looking ahead was not measured with AVX-512 */
 #else
 #define LOADS_AHEAD true
 #endif
@@ -62,11 +62,13 @@ V_INLINE void find_inner(const tc_cpu_args *args, const packet *p, march *m) {
   m->n_inner = to < (float)m->inner ? 0 : (int)to - m->inner;
 }
 
-/* Whether the cells of all lanes may be loaded without clamping at inner steps: no ray misses the volume, every position is
- * finite. */
-V_INLINE bool may_load_unclamped(const packet *p) {
+/* Whether the cells of all lanes may be loaded without clamping at inner steps: no ray misses the volume, and the positions and
+ * their bounds are finite (a NaN would satisfy find_inner()). */
+V_INLINE bool may_load_unclamped(const packet *p, const march *m) {
   const vf sum = (p->entry[0] + p->dir[0]) + (p->entry[1] + p->dir[1]) + (p->entry[2] + p->dir[2]);
-  return m_count(m_and(p->live, v_lt(v_abs(sum), v_set(1e30f)))) == V_LANES;
+  float bounds = 0;
+  for (int k = 0; k < 3; k++) bounds += m->lo[k] + m->rise[k] + m->width[k];
+  return fabsf(bounds) < 1e30f && m_count(m_and(p->live, v_lt(v_abs(sum), v_set(1e30f)))) == V_LANES;
 }
 
 /* Bounds the lanes' positions (m->lo, m->rise, m->width). Each lane's position is linear in the step, so the minimum
@@ -94,7 +96,7 @@ V_INLINE void bound_lanes(const tc_cpu_args *args, variant v, const packet *p, m
   }
   m->near = args->near && v.filter == TC_FILTER_LINEAR && parts <= MOST_NEIGHBOURHOODS;
   m->n_inner = 0, m->next_step = -1;
-  const bool by_loads = LOADS_AHEAD && v.filter == TC_FILTER_LINEAR && !v.any_type && may_load_unclamped(p);
+  const bool by_loads = LOADS_AHEAD && v.filter == TC_FILTER_LINEAR && !v.any_type && may_load_unclamped(p, m);
   if ((m->near || by_loads) && !phased(v)) find_inner(args, p, m);
 }
 
@@ -140,14 +142,14 @@ V_INLINE inner_cells inner_cells_at(const tc_cpu_args *args, const packet *p, vf
   return c;
 }
 
-/* The voxel value at the position of prefetched cells. */
+/* The voxel value at positions f in the lanes' cells. Prefetches what the rays load PREFETCH_STEPS later. */
 V_INLINE vf load_cells(const tc_cpu_args *args, variant v, const march *m, const v_places *at, const vf f[3], vf *gradient) {
   v_prefetch((const void *)((uintptr_t)args->grid.voxels + (uintptr_t)(m->ahead * voxel_bytes(v.type))), at, voxel_bytes(v.type));
   return sample_cells(args, v.type, at, f, gradient);
 }
 
-/* The voxel value at inner step i, at t mm, by loads. Finds the cells of step i + 1, too, which are not loaded if that is not an
- * inner step. */
+/* The voxel value at inner step i, at t mm, by loads. Finds the cells of step i + 1, too; the caller loads them only if step i + 1
+ * is an inner step. */
 V_INLINE vf load_inner(const tc_cpu_args *args, variant v, const packet *p, march *m, int i, vf t, vf *gradient) {
   const inner_cells c = m->next_step == i ? m->next : inner_cells_at(args, p, t);
   const v_places at = v_place(c.off);
