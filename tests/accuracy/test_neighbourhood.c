@@ -141,6 +141,7 @@ TEST(steps_within_the_volume_load_what_clamped_samples_do) {
       draw_scene(&scene, volume, &state);
       scene.mode = TC_MODE_DVR;
       scene.sampling.termination = 0;
+      if (trial % 3 == 0) scene.sampling.rays_per_pixel = 2 + trial % 4; /* samples between whole steps */
       for (int k = 0; k < 2; k++) {
         scene.order = k ? TC_BACK_TO_FRONT : TC_FRONT_TO_BACK;
         assert_true(tc_render(r, volume, &scene, &linear, &frames[k], NULL));

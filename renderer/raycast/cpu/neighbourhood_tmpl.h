@@ -46,8 +46,9 @@ V_INLINE void level_lanes(const tc_cpu_args *args, packet *p) {
 }
 
 /* Sets m->inner and m->n_inner. At inner steps all rays have begun, none has ended, and the bounds of the lanes lie within the
- * volume. At most 10^6 of them: step numbers stay exact as floats. */
-V_INLINE void find_inner(const tc_cpu_args *args, const packet *p, march *m) {
+ * volume; of rays with a phase, which lag by at most one step, at the step before, too. At most 10^6 of them: step numbers stay
+ * exact as floats. */
+V_INLINE void find_inner(const tc_cpu_args *args, variant v, const packet *p, march *m) {
   const vf ends = v_fma(p->length, v_set(args->rays.inverse_step), p->delay);
   float from = p->most_delay, to = v_least(v_min(v_select(p->live, ends, v_set(1e6f)), v_set(1e6f)));
 #pragma GCC unroll 3
@@ -58,7 +59,7 @@ V_INLINE void find_inner(const tc_cpu_args *args, const packet *p, march *m) {
     from = from < enters ? enters : from;
     to = to < leaves ? to : leaves;
   }
-  m->inner = 1 + (int)(from < 1e6f ? from : 1e6f);
+  m->inner = 1 + phased(v) + (int)(from < 1e6f ? from : 1e6f);
   m->n_inner = to < (float)m->inner ? 0 : (int)to - m->inner;
 }
 
@@ -97,7 +98,7 @@ V_INLINE void bound_lanes(const tc_cpu_args *args, variant v, const packet *p, m
   m->near = args->near && v.filter == TC_FILTER_LINEAR && parts <= MOST_NEIGHBOURHOODS;
   m->n_inner = 0, m->next_step = -1;
   const bool by_loads = LOADS_AHEAD && v.filter == TC_FILTER_LINEAR && !v.any_type && may_load_unclamped(p, m);
-  if ((m->near || by_loads) && !phased(v)) find_inner(args, p, m);
+  if ((m->near && !phased(v)) || by_loads) find_inner(args, v, p, m);
 }
 
 /* Offset in voxels between a ray's position and its position `steps` later. */
@@ -266,6 +267,11 @@ V_INLINE vf march_middle(const tc_cpu_args *args, variant v, const packet *p, co
     return node_of(args, interpolate(v.type, &c, f, NULL));
   }
 #endif
+  if (LOADS_AHEAD && inner_steps(m, i, i + 2) > 1) {
+    const inner_cells c = inner_cells_at(args, p, t);
+    const v_places at = v_place(c.off);
+    return node_of(args, sample_cells(args, v.type, &at, c.f, NULL));
+  }
   return sample_node(args, v, p, t, NULL);
 }
 

@@ -249,6 +249,17 @@ V_INLINE void cast_extreme(const tc_cpu_args *args, variant v, const place *at_p
   *out = grey_of(args, v_min(have.best, stop), v.labels ? m_and(p.live, have.met) : p.live);
 }
 
+/* The sum of a ray's intervals, with Kahan's compensation. */
+typedef struct kahan {
+  vf sum, lost;
+} kahan;
+
+V_INLINE void add_interval(kahan *of, vf mean, vf share) {
+  const vf add = v_fnma(v_set(1), of->lost, share * mean), next = of->sum + add;
+  of->lost = (next - of->sum) - add;
+  of->sum = next;
+}
+
 /* The mean by the trapezoidal rule with a shorter last interval. Differences to the first sample are summed with
  * Kahan's compensation: a constant field is exact, and a million samples lose no more precision than ten. Intervals
  * whose middle is in a gap are ignored. */
@@ -256,28 +267,40 @@ V_INLINE void cast_average(const tc_cpu_args *args, variant v, const place *at_p
                            tc_cpu_counts *counts) {
   packet p = start_packet(args, v, at_pixels);
   vm live = p.live;
-  vf steps = p.length * v_set(args->rays.inverse_step), base = v_set(0), front = v_set(0), sum = v_set(0),
-     lost = v_set(0), total = v_set(0);
-  if (m_any(live)) base = front = sample_voxel(args, v, &p, v_set(0));
+  const vf step = v_set(args->rays.step_mm), half = v_set(0.5f);
+  vf steps = p.length * v_set(args->rays.inverse_step), base = v_set(0), front = v_set(0), total = v_set(0);
+  kahan mean = {v_set(0), v_set(0)};
+  if (m_any(live)) base = sample_voxel(args, v, &p, v_set(0));
   counts->rays += (uint64_t)m_count(live);
   counts->samples += (uint64_t)m_count(live);
+  march m = start_march(args, v, &p, false);
   for (int i = 0; keep_marching(args, live, counts, i); i++) {
-    vf back = sample_voxel(args, v, &p, v_min(v_set((float)(i + 1) * args->rays.step_mm), p.length));
+    const int run = v.labels ? 0 : inner_steps(&m, i + 1, i + 1 + TC_CPU_POLL_STEPS);
+    if (run > 0) { /* whole intervals of all lanes */
+      if (!keep_polling(args, run, counts)) break;
+      for (const int end = i + run; i < end; i++) {
+        const vf back = inner_voxel(args, v, &p, &m, i + 1, v_set((float)(i + 1)) * step, live) - base;
+        add_interval(&mean, half * front + half * back, v_set(1));
+        front = back;
+      }
+      counts->samples += (uint64_t)run * (uint64_t)m_count(live);
+      i--;
+      continue;
+    }
+    const vf t = v_min(v_set((float)(i + 1)) * step, p.length);
+    const vf back = march_voxel(args, v, &p, &m, i + 1, t, live, NULL) - base;
     counts->samples += (uint64_t)m_count(live);
     vf share = v_min(v_max(steps - v_set((float)i), v_set(0)), v_set(1));
     if (v.labels) {
-      vf middle = v_set((float)i * args->rays.step_mm) + share * v_set(0.5f * args->rays.step_mm);
+      const vf middle = (v_set((float)i) + half * share) * step;
       share = v_select(has_value(args, &p, middle), share, v_set(0));
       total = total + share;
     }
-    vf add = v_fnma(v_set(1), lost, share * (v_set(0.5f) * (front - base) + v_set(0.5f) * (back - base)));
-    vf next = sum + add;
-    lost = (next - sum) - add;
-    sum = next;
+    add_interval(&mean, half * front + half * back, share);
     front = back;
-    live = m_and(live, v_lt(v_set((float)(i + 1) * args->rays.step_mm), p.length));
+    live = m_and(live, v_lt(v_set((float)(i + 1)) * step, p.length));
   }
   if (!v.labels) total = steps;
   vm met = v.labels ? m_and(p.live, v_lt(v_set(0), total)) : p.live;
-  *out = grey_of(args, base + sum / v_max(total, v_set(1e-30f)), met);
+  *out = grey_of(args, base + mean.sum / v_max(total, v_set(1e-30f)), met);
 }
