@@ -42,48 +42,65 @@ V_INLINE v_taps load_taps(int type, const char *voxels, const v_places *at) {
   }
 }
 
-/* Whether load_central_integers() finds the gradients of the lanes in `needs`: their rows of four voxels lie within the volume. */
+/* Whether the rows of four voxels around the lanes in `needs` lie within the volume. */
 V_INLINE bool within_rows(const tc_cpu_args *args, int type, const vf q[3], vm needs) {
   if (type == TC_F32) return false;
   const vm beyond = m_or(v_lt(q[0], v_set(1)), v_le(v_set(args->grid.last[0] - 1), q[0]));
   return args->grid.cell_last[0] > 1 && !m_any(m_and(needs, beyond));
 }
 
-/* Whether a lane is at a face along y or z. */
-V_INLINE bool at_y_or_z(const tc_cpu_args *args, const vf q[3]) {
-  const vf least = v_min(q[1], q[2]), room = v_min(v_set(args->grid.last[1]) - q[1], v_set(args->grid.last[2]) - q[2]);
-  return m_any(v_le(v_min(least, room), v_set(1)));
+/* First voxels of the lanes' pairs along x: lanes that are not needed may be at a face, but their rows must lie in memory. */
+V_INLINE vi first_in_rows(const tc_cpu_args *args, vf cell) {
+  return v_trunc(v_min(v_max(cell, v_set(1)), v_set((float)(args->grid.cell_last[0] - 1))));
 }
 
-/* load_central() of integers, in integers, to the same bits. at_faces: a lane is at a face along y or z. */
-V_INLINE void load_central_integers(const tc_cpu_args *args, int type, const vf q[3], bool at_faces, vf gradient[3]) {
+/* The lanes' cells, and the positions in them, where no lane is at a face along y or z. */
+typedef struct inner_rows {
+  v_places cells;
+  vf f[3];
+} inner_rows;
+
+/* False: a lane is at a face along y or z, or its position is not a number; or within_rows() is false. */
+V_INLINE bool find_inner_rows(const tc_cpu_args *args, int type, const vf q[3], vm needs, inner_rows *to) {
+  if (!within_rows(args, type, q, needs)) return false;
+  const vf least = v_min(q[1], q[2]), room = v_min(v_set(args->grid.last[1]) - q[1], v_set(args->grid.last[2]) - q[2]);
+  if (m_count(v_lt(v_set(1), v_min(least, room))) != V_LANES) return false;
+  vi cell[3];
+#pragma GCC unroll 3
+  for (int k = 0; k < 3; k++) {
+    cell[k] = v_trunc(q[k]);
+    const vf whole = v_float(cell[k]);
+    to->f[k] = q[k] - whole;
+    if (k == 0) cell[0] = first_in_rows(args, whole);
+  }
+  to->cells = v_place(cell_offset(args, cell));
+  return true;
+}
+
+/* Twice the gradients of integers, in integers, to the same bits as load_central(). t: NULL, or the taps where a lane is at a face
+ * along y or z. */
+V_INLINE void difference_rows(const tc_cpu_args *args, int type, const inner_rows *rows, const taps *t, vf gradient[3]) {
   const ptrdiff_t bytes = voxel_bytes(type);
   const char *const voxels = args->grid.voxels;
-  taps t[3];
   vi across[4][4]; /* [z][y]: interpolated along x */
   slopes s;
-#pragma GCC unroll 3
-  for (int k = 0; k < 3; k++) t[k] = taps_at(args, k, q[k]);
-  /* Lanes that are not needed may be at a face along x: their rows must lie in memory, whatever their values. */
-  const vf x = v_min(v_max(v_float(t[0].at[1]), v_set(1)), v_set((float)(args->grid.cell_last[0] - 1)));
-  const vi first = v_trunc(x), upper = v_trunc(t[0].f * v_set(V_SLOPE_SHARES));
+  const vi upper = v_trunc(rows->f[0] * v_set(V_SLOPE_SHARES));
   const vi weights = v_ori(v_subi(v_seti(V_SLOPE_SHARES), upper), v_shl(upper, 16));
-  const v_places cells = v_place(cell_offset(args, (vi[]){first, t[1].at[1], t[2].at[1]}));
 #pragma GCC unroll 4
   for (int z = 0; z < 4; z++)
 #pragma GCC unroll 4
     for (int y = 0; y < 4; y++) {
       const bool near_y = y == 1 || y == 2, near_z = z == 1 || z == 2;
       if (!near_y && !near_z) continue;
-      const v_places clamped = at_faces ? v_place(cell_offset(args, (vi[]){first, t[1].at[y], t[2].at[z]})) : cells;
       const ptrdiff_t further = (y - 1) * (ptrdiff_t)args->grid.row + (z - 1) * (ptrdiff_t)args->grid.slice;
-      const char *const row = voxels + (at_faces ? 0 : further * bytes);
+      const v_places at = t ? v_place(cell_offset(args, (vi[]){t[0].at[1], t[1].at[y], t[2].at[z]})) : rows->cells;
+      const char *const row = voxels + (t ? 0 : further * bytes);
       if (near_y && near_z) {
-        const v_taps four = load_taps(type, row - bytes, &clamped);
+        const v_taps four = load_taps(type, row - bytes, &at);
         across[z][y] = v_weigh(four.pair[1], weights);
         s.along[0][y - 1 + 2 * (z - 1)] = v_float(v_subi(v_weigh(four.pair[2], weights), v_weigh(four.pair[0], weights)));
       } else {
-        across[z][y] = v_weigh(load_tap_pair(type, row, &clamped), weights);
+        across[z][y] = v_weigh(load_tap_pair(type, row, &at), weights);
       }
     }
 #pragma GCC unroll 4
@@ -91,13 +108,23 @@ V_INLINE void load_central_integers(const tc_cpu_args *args, int type, const vf 
     const int y = 1 + (i & 1), z = 1 + (i >> 1);
     s.along[1][i] = v_float(v_subi(across[z][y + 1], across[z][y - 1]));
     s.along[2][i] = v_float(v_subi(across[z + 1][y], across[z - 1][y]));
-    if (at_faces) { /* one-sided differences count twice */
+    if (t) { /* one-sided differences count twice */
       s.along[1][i] = s.along[1][i] * v_select(y == 1 ? t[1].first : t[1].last, v_set(2), v_set(1));
       s.along[2][i] = s.along[2][i] * v_select(z == 1 ? t[2].first : t[2].last, v_set(2), v_set(1));
     }
   }
-  interpolate_slopes(&s, (vf[]){t[0].f, t[1].f, t[2].f}, gradient);
+  interpolate_slopes(&s, rows->f, gradient);
   for (int k = 0; k < 3; k++) gradient[k] = gradient[k] * v_set(1.0f / V_SLOPE_SHARES);
+}
+
+/* difference_rows() where within_rows() is true. */
+V_INLINE void load_central_integers(const tc_cpu_args *args, int type, const vf q[3], vf gradient[3]) {
+  inner_rows rows;
+  taps t[3];
+#pragma GCC unroll 3
+  for (int k = 0; k < 3; k++) t[k] = taps_at(args, k, q[k]), rows.f[k] = t[k].f;
+  t[0].at[1] = first_in_rows(args, v_float(t[0].at[1]));
+  difference_rows(args, type, &rows, t, gradient);
 }
 #endif
 
@@ -240,12 +267,13 @@ V_INLINE void least_of(const vf q[3], vm needs, float least[3]) {
     load_central(args, TYPE_##name, q, gradient);                                                                     \
   }                                                                                                                   \
   V_ONCE void load_at_faces_##name(const tc_cpu_args *args, const vf q[3], vf gradient[3]) {                          \
-    load_central_integers(args, TYPE_##name, q, true, gradient);                                                      \
+    load_central_integers(args, TYPE_##name, q, gradient);                                                            \
   }                                                                                                                   \
   V_ONCE void central_##name(const tc_cpu_args *args, const vf q[3], vm needs, vf gradient[3]) {                      \
-    if (!within_rows(args, TYPE_##name, q, needs)) load_general_##name(args, q, gradient);                            \
-    else if (at_y_or_z(args, q)) load_at_faces_##name(args, q, gradient);                                             \
-    else load_central_integers(args, TYPE_##name, q, false, gradient);                                                \
+    inner_rows rows;                                                                                                  \
+    if (find_inner_rows(args, TYPE_##name, q, needs, &rows)) difference_rows(args, TYPE_##name, &rows, NULL, gradient); \
+    else if (within_rows(args, TYPE_##name, q, needs)) load_at_faces_##name(args, q, gradient);                       \
+    else load_general_##name(args, q, gradient);                                                                      \
   }
 #else
 #define CENTRAL(name, type)                                                                                           \

@@ -55,17 +55,36 @@ V_INLINE void choose_slopes(const tc_cpu_args *args, int type, const packet *p, 
 }
 #endif
 
-/* Twice the gradients of the waiting segments. */
+/* The positions of the lanes at a waiting segment, clamped to the volume. */
+V_INLINE void place_waiting(const tc_cpu_args *args, const waiting *w, const unlit *s, vf q[3]) {
+#pragma GCC unroll 3
+  for (int k = 0; k < 3; k++) q[k] = v_min(v_max(v_fma(s->t, w->dir[k], w->entry[k]), v_set(0)), v_set(args->grid.last[k]));
+}
+
+/* Twice the gradients of the waiting segments. By loads, the cells of all segments are found first, so that the loads of each
+ * start without waiting for their addresses. */
 V_INLINE void find_gradients(const tc_cpu_args *args, int type, const waiting *w, vf gradients[][3]) {
+  vf q[3];
+#if defined V_TAPS && !defined V_NEAR
+  inner_rows rows[MOST_WAITING];
+  bool inner[MOST_WAITING];
+  for (int n = 0; n < w->n; n++) {
+    place_waiting(args, w, &w->segments[n], q);
+    inner[n] = find_inner_rows(args, type, q, w->segments[n].visible, &rows[n]);
+  }
+#endif
   for (int n = 0; n < w->n; n++) {
     const unlit *const s = &w->segments[n];
-    vf q[3];
-#pragma GCC unroll 3
-    for (int k = 0; k < 3; k++) q[k] = v_fma(s->t, w->dir[k], w->entry[k]);
 #ifdef V_NEAR
+    for (int k = 0; k < 3; k++) q[k] = v_fma(s->t, w->dir[k], w->entry[k]);
     if (__builtin_expect(s->first >= 0, 1) && near_central(args, type, s->base, s->first, q, s->visible, gradients[n])) continue;
+#elif defined V_TAPS
+    if (__builtin_expect(inner[n], 1)) {
+      difference_rows(args, type, &rows[n], NULL, gradients[n]);
+      continue;
+    }
 #endif
-    for (int k = 0; k < 3; k++) q[k] = v_min(v_max(q[k], v_set(0)), v_set(args->grid.last[k]));
+    place_waiting(args, w, s, q);
     central_of(args, type, q, s->visible, gradients[n]);
   }
 }
