@@ -132,14 +132,15 @@ CUBIC(u16, TC_U16)
 CUBIC(i16, TC_I16)
 CUBIC(f32, TC_F32)
 
-V_INLINE void place_at(const tc_cpu_args *args, const packet *p, vf t, vf q[3]) {
-  for (int k = 0; k < 3; k++)
-    q[k] = v_min(v_max(v_fma(t, p->dir[k], p->entry[k]), v_set(0)), v_set(args->grid.last[k]));
+/* Positions at t mm along rays, clamped to the volume. entry, dir: as in packet. */
+V_INLINE void place_at(const tc_cpu_args *args, const vf entry[3], const vf dir[3], vf t, vf q[3]) {
+#pragma GCC unroll 3
+  for (int k = 0; k < 3; k++) q[k] = v_min(v_max(v_fma(t, dir[k], entry[k]), v_set(0)), v_set(args->grid.last[k]));
 }
 
 V_INLINE vf sample_cubic(const tc_cpu_args *args, variant v, const packet *p, vf t, vf *gradient) {
   vf q[3];
-  place_at(args, p, t, q);
+  place_at(args, p->entry, p->dir, t, q);
   switch (v.type) { /* a constant after inlining */
   case TC_U8: return cubic_u8(args, q, gradient);
   case TC_I8: return cubic_i8(args, q, gradient);

@@ -77,8 +77,8 @@ V_INLINE bool find_inner_rows(const tc_cpu_args *args, int type, const vf q[3], 
   return true;
 }
 
-/* Twice the gradients of integers, in integers, to the same bits as load_central(). t: NULL, or the taps where a lane is at a face
- * along y or z. */
+/* Twice the gradients of integers, in integers, to the same bits as load_central(). t: the taps, if a lane is at a face along y or z,
+ * and then rows->cells is not read; else NULL. */
 V_INLINE void difference_rows(const tc_cpu_args *args, int type, const inner_rows *rows, const taps *t, vf gradient[3]) {
   const ptrdiff_t bytes = voxel_bytes(type);
   const char *const voxels = args->grid.voxels;
@@ -117,7 +117,7 @@ V_INLINE void difference_rows(const tc_cpu_args *args, int type, const inner_row
   for (int k = 0; k < 3; k++) gradient[k] = gradient[k] * v_set(1.0f / V_SLOPE_SHARES);
 }
 
-/* difference_rows() where within_rows() is true. */
+/* difference_rows() if a lane is at a face along y or z, and within_rows() is true. */
 V_INLINE void load_central_integers(const tc_cpu_args *args, int type, const vf q[3], vf gradient[3]) {
   inner_rows rows;
   taps t[3];
@@ -301,7 +301,7 @@ V_INLINE void gradient_at(const tc_cpu_args *args, variant v, const packet *p, v
     sample_cubic(args, v, p, t, gradient);
     return;
   }
-  place_at(args, p, t, q);
+  place_at(args, p->entry, p->dir, t, q);
   central_of(args, v.type, q, needs, gradient);
   for (int k = 0; k < 3; k++) gradient[k] = gradient[k] * v_set(0.5f);
 }

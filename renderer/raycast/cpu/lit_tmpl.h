@@ -55,12 +55,6 @@ V_INLINE void choose_slopes(const tc_cpu_args *args, int type, const packet *p, 
 }
 #endif
 
-/* The positions of the lanes at a waiting segment, clamped to the volume. */
-V_INLINE void place_waiting(const tc_cpu_args *args, const waiting *w, const unlit *s, vf q[3]) {
-#pragma GCC unroll 3
-  for (int k = 0; k < 3; k++) q[k] = v_min(v_max(v_fma(s->t, w->dir[k], w->entry[k]), v_set(0)), v_set(args->grid.last[k]));
-}
-
 /* Twice the gradients of the waiting segments. By loads, the cells of all segments are found first, so that the loads of each
  * start without waiting for their addresses. */
 V_INLINE void find_gradients(const tc_cpu_args *args, int type, const waiting *w, vf gradients[][3]) {
@@ -69,7 +63,7 @@ V_INLINE void find_gradients(const tc_cpu_args *args, int type, const waiting *w
   inner_rows rows[MOST_WAITING];
   bool inner[MOST_WAITING];
   for (int n = 0; n < w->n; n++) {
-    place_waiting(args, w, &w->segments[n], q);
+    place_at(args, w->entry, w->dir, w->segments[n].t, q);
     inner[n] = find_inner_rows(args, type, q, w->segments[n].visible, &rows[n]);
   }
 #endif
@@ -84,7 +78,7 @@ V_INLINE void find_gradients(const tc_cpu_args *args, int type, const waiting *w
       continue;
     }
 #endif
-    place_waiting(args, w, s, q);
+    place_at(args, w->entry, w->dir, s->t, q);
     central_of(args, type, q, s->visible, gradients[n]);
   }
 }
