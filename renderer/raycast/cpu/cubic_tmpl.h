@@ -48,7 +48,7 @@ V_INLINE v_places place_cells(const tc_cpu_args *args, const taps t[3]) {
 V_INLINE void load_row(const tc_cpu_args *args, int type, const v_places *cells, ptrdiff_t further, vf t[4]) {
   const char *const row = (const char *)args->grid.voxels + (further - 1) * voxel_bytes(type);
 #ifdef V_TAPS
-  switch (type) { /* a constant after inlining */
+  switch (VOXELS(type)) { /* a constant after inlining */
   case TC_U8: v_row_u8(row, cells, t); return;
   case TC_I8: v_row_i8(row, cells, t); return;
   case TC_U16: v_row_u16(row, cells, t); return;
@@ -141,7 +141,7 @@ V_INLINE void place_at(const tc_cpu_args *args, const vf entry[3], const vf dir[
 V_INLINE vf sample_cubic(const tc_cpu_args *args, variant v, const packet *p, vf t, vf *gradient) {
   vf q[3];
   place_at(args, p->entry, p->dir, t, q);
-  switch (v.type) { /* a constant after inlining */
+  switch (VOXELS(v.type)) { /* a constant after inlining */
   case TC_U8: return cubic_u8(args, q, gradient);
   case TC_I8: return cubic_i8(args, q, gradient);
   case TC_U16: return cubic_u16(args, q, gradient);

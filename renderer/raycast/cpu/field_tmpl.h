@@ -3,8 +3,9 @@
 /* tc_voxel_type by the name that SIMD_VOXELS uses. */
 enum { TYPE_u8 = TC_U8, TYPE_i8 = TC_I8, TYPE_u16 = TC_U16, TYPE_i16 = TC_I16, TYPE_f32 = TC_F32 };
 
+/* Of any array: the volume's voxels, labels, table entries. */
 V_INLINE void load_pair(int type, const void *voxels, const v_places *at, vf *a, vf *b) {
-  switch (type) { /* a constant after inlining */
+  switch (type) { /* a constant after inlining, but for labels */
   case TC_U8: v_pair_u8(voxels, at, a, b); return;
   case TC_I8: v_pair_i8(voxels, at, a, b); return;
   case TC_U16: v_pair_u16(voxels, at, a, b); return;
@@ -31,7 +32,7 @@ V_INLINE void fetch_pair(int type, const void *voxels, vi off, vf *a, vf *b) {
 
 /* The pair with bias_of() the type added to each voxel. */
 V_INLINE void load_corner(int type, const void *voxels, const v_places *at, vf *a, vf *b) {
-  switch (type) {
+  switch (VOXELS(type)) {
   case TC_U8: v_corner_u8(voxels, at, a, b); return;
   case TC_I8: v_corner_i8(voxels, at, a, b); return;
   case TC_U16: v_corner_u16(voxels, at, a, b); return;
@@ -42,7 +43,7 @@ V_INLINE void load_corner(int type, const void *voxels, const v_places *at, vf *
 
 #ifdef V_GATHERS
 V_INLINE void gather_corner(int type, const void *voxels, const v_places *at, vf *a, vf *b) {
-  switch (type) {
+  switch (VOXELS(type)) {
   case TC_U8: v_gather_corner_u8(voxels, at, a, b); return;
   case TC_I8: v_gather_corner_i8(voxels, at, a, b); return;
   case TC_U16: v_gather_corner_u16(voxels, at, a, b); return;
@@ -52,10 +53,10 @@ V_INLINE void gather_corner(int type, const void *voxels, const v_places *at, vf
 }
 #endif
 
-V_INLINE int voxel_bytes(int type) { return type == TC_F32 ? 4 : type == TC_U8 || type == TC_I8 ? 1 : 2; }
+V_INLINE int voxel_bytes(int type) { return VOXELS(type) == TC_F32 ? 4 : type == TC_U8 || type == TC_I8 ? 1 : 2; }
 
 V_INLINE float bias_of(int type) {
-  switch (type) {
+  switch (VOXELS(type)) {
   case TC_U8: return V_BIAS_U8;
   case TC_I8: return V_BIAS_I8;
   case TC_U16: return V_BIAS_U16;
@@ -123,7 +124,7 @@ V_INLINE corners load_corners(const tc_cpu_args *args, int type, const v_places 
 SIMD_VOXELS(LOAD_CALLED)
 
 V_INLINE corners call_corners(const tc_cpu_args *args, int type, vi off) {
-  switch (type) {
+  switch (VOXELS(type)) {
   case TC_U8: return load_u8(args, off);
   case TC_I8: return load_i8(args, off);
   case TC_U16: return load_u16(args, off);
@@ -142,7 +143,7 @@ V_INLINE corners call_corners(const tc_cpu_args *args, int type, vi off) {
 
 /* Voxels along x in a neighbourhood: 4 or 8. */
 V_INLINE int near_width(int type) {
-  switch (type) {
+  switch (VOXELS(type)) {
   case TC_U8: return V_NEAR_U8;
   case TC_I8: return V_NEAR_I8;
   case TC_U16: return V_NEAR_U16;
@@ -181,7 +182,7 @@ V_INLINE vm near_places(int type, const int least[3], const vi cell[3], vi *at) 
 /* The corners at elements `at` of the neighbourhood whose lowest voxel is `first`. */
 V_INLINE corners near_corners(const tc_cpu_args *args, int type, ptrdiff_t first, vi at) {
   const ptrdiff_t row = args->grid.row, slice = args->grid.slice;
-  switch (type) {
+  switch (VOXELS(type)) {
   case TC_U8: return near_corners_u8((const uint8_t *)args->grid.voxels + first, row, slice, at);
   case TC_I8: return near_corners_i8((const int8_t *)args->grid.voxels + first, row, slice, at);
   case TC_U16: return near_corners_u16((const uint16_t *)args->grid.voxels + first, row, slice, at);

@@ -19,13 +19,13 @@ V_INLINE void interpolate_slopes(const slopes *s, const vf f[3], vf gradient[3])
 /* The position along x for interpolating slopes. Those of integers use multiples of 1 / V_SLOPE_SHARES, so that
  * neighbourhoods can interpolate in integers to the same bits. */
 V_INLINE vf slope_position(int type, vf f) {
-  if (type == TC_F32) return f;
+  if (VOXELS(type) == TC_F32) return f;
   return v_float(v_trunc(f * v_set(V_SLOPE_SHARES))) * v_set(1.0f / V_SLOPE_SHARES);
 }
 
 #ifdef V_TAPS
 V_INLINE vi load_tap_pair(int type, const char *voxels, const v_places *at) {
-  switch (type) { /* a constant after inlining */
+  switch (VOXELS(type)) { /* a constant after inlining */
   case TC_U8: return v_tap_pair_u8(voxels, at);
   case TC_I8: return v_tap_pair_i8(voxels, at);
   case TC_U16: return v_tap_pair_u16(voxels, at);
@@ -34,7 +34,7 @@ V_INLINE vi load_tap_pair(int type, const char *voxels, const v_places *at) {
 }
 
 V_INLINE v_taps load_taps(int type, const char *voxels, const v_places *at) {
-  switch (type) {
+  switch (VOXELS(type)) {
   case TC_U8: return v_taps_u8(voxels, at);
   case TC_I8: return v_taps_i8(voxels, at);
   case TC_U16: return v_taps_u16(voxels, at);
@@ -44,7 +44,7 @@ V_INLINE v_taps load_taps(int type, const char *voxels, const v_places *at) {
 
 /* Whether the rows of four voxels around the lanes in `needs` lie within the volume. */
 V_INLINE bool within_rows(const tc_cpu_args *args, int type, const vf q[3], vm needs) {
-  if (type == TC_F32) return false;
+  if (VOXELS(type) == TC_F32) return false;
   const vm beyond = m_or(v_lt(q[0], v_set(1)), v_le(v_set(args->grid.last[0] - 1), q[0]));
   return args->grid.cell_last[0] > 1 && !m_any(m_and(needs, beyond));
 }
@@ -175,7 +175,7 @@ V_INLINE void load_central(const tc_cpu_args *args, int type, const vf q[3], vf 
 
 #ifdef V_NEAR
 /* Whether neighbourhoods hold the slopes of the volume's voxels. */
-V_INLINE bool has_slopes(const tc_cpu_args *args, int type) { return type == TC_F32 ? args->near : args->near_slopes; }
+V_INLINE bool has_slopes(const tc_cpu_args *args, int type) { return VOXELS(type) == TC_F32 ? args->near : args->near_slopes; }
 
 V_INLINE int slope_cells(int type, int k) { return k || type == TC_F32 ? 3 : 5; }
 
@@ -213,7 +213,7 @@ SIMD_VOXELS(NEAR_SLOPES)
 V_INLINE void interpolate_near(const tc_cpu_args *args, int type, ptrdiff_t first, vi at, const vf f[3], int rows,
                                int slices, vf gradient[3]) {
   slopes s;
-  switch (type) { /* a constant after inlining */
+  switch (VOXELS(type)) { /* a constant after inlining */
   case TC_U8: near_slopes_u8(args, first, at, f[0], rows, slices, &s); break;
   case TC_I8: near_slopes_i8(args, first, at, f[0], rows, slices, &s); break;
   case TC_U16: near_slopes_u16(args, first, at, f[0], rows, slices, &s); break;
@@ -221,7 +221,7 @@ V_INLINE void interpolate_near(const tc_cpu_args *args, int type, ptrdiff_t firs
   default: near_slopes_f32(args, first, at, f[0], rows, slices, &s); break;
   }
   interpolate_slopes(&s, f, gradient);
-  if (type != TC_F32)
+  if (VOXELS(type) != TC_F32)
     for (int k = 0; k < 3; k++) gradient[k] = gradient[k] * v_set(1.0f / V_SLOPE_SHARES);
 }
 
@@ -285,7 +285,7 @@ V_INLINE void least_of(const vf q[3], vm needs, float least[3]) {
 SIMD_VOXELS(CENTRAL)
 
 V_INLINE void central_of(const tc_cpu_args *args, int type, const vf q[3], vm needs, vf gradient[3]) {
-  switch (type) { /* a constant after inlining */
+  switch (VOXELS(type)) { /* a constant after inlining */
   case TC_U8: central_u8(args, q, needs, gradient); return;
   case TC_I8: central_i8(args, q, needs, gradient); return;
   case TC_U16: central_u16(args, q, needs, gradient); return;

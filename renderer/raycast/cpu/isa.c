@@ -23,7 +23,8 @@ static bool isa_runs(const tc_cpu_isa *isa) {
   bool avx2 = __builtin_cpu_supports("avx2") && __builtin_cpu_supports("fma");
   bool avx512 = avx2 && __builtin_cpu_supports("avx512f") && __builtin_cpu_supports("avx512bw") &&
                 __builtin_cpu_supports("avx512dq") && __builtin_cpu_supports("avx512vl");
-  return !strcmp(isa->instructions, "scalar") || (!strcmp(isa->instructions, "avx2") ? avx2 : avx512);
+  const bool runs = !strcmp(isa->instructions, "scalar") || (!strcmp(isa->instructions, "avx2") ? avx2 : avx512);
+  return runs && isa->find(&(tc_plan_key){.mode = TC_MODE_DVR}); /* else the build leaves it out */
 }
 
 enum { SIDE = 48, NODES = 16, PIXELS = 16, ROUNDS = 5 };
@@ -96,7 +97,7 @@ const tc_cpu_isa *tc_cpu_isa_choose(const char *wanted, GError **error) {
     if (wanted && strcmp(wanted, isas[i].name)) continue;
     if (!isa_runs(&isas[i])) {
       if (!wanted) continue;
-      tc_set_error(error, TC_ERROR_INVALID, NULL, "this processor does not support %s: choose another instruction set, or none", wanted);
+      tc_set_error(error, TC_ERROR_INVALID, NULL, "this processor does not support %s, or this build leaves it out: choose another instruction set, or none", wanted);
       return NULL;
     }
     int first = i;

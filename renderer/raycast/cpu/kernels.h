@@ -109,13 +109,21 @@ typedef struct tc_cpu_counts {
 typedef void (*tc_cpu_kernel)(const tc_cpu_args *args, int x0, int y0, int x1, int y1, float *out, ptrdiff_t stride,
                               tc_cpu_counts *counts);
 
-/* The kernel for a plan's key; NULL: no such kernel. Kernels of mode isosurface are in separate translation units,
- * which compile in parallel with the others. */
+/* The kernel for a plan's key; NULL: no such kernel, or the build leaves out the instruction set (TC_AVX512 in CMakeLists.txt).
+ * Kernels of mode isosurface are in separate translation units, which compile in parallel with the others. */
 tc_cpu_kernel tc_kernel_scalar(const tc_plan_key *key);
 tc_cpu_kernel tc_kernel_avx2(const tc_plan_key *key);
 tc_cpu_kernel tc_kernel_avx512(const tc_plan_key *key);
 tc_cpu_kernel tc_surface_kernel_scalar(const tc_plan_key *key);
 tc_cpu_kernel tc_surface_kernel_avx2(const tc_plan_key *key);
 tc_cpu_kernel tc_surface_kernel_avx512(const tc_plan_key *key);
+
+/* tc_kernel_avx2() among the kernels of one voxel type (tc_kernel_avx2_u8()), and those of any type: kernels_avx2.c is compiled for
+ * each, with TC_VOXELS defined as u8, for example, so that they compile in parallel. */
+#define TC_KERNEL_FINDERS(OP, isa) OP(isa, u8) OP(isa, i8) OP(isa, u16) OP(isa, i16) OP(isa, f32) OP(isa, any)
+#define TC_KERNEL_FINDER(isa, voxels) tc_cpu_kernel tc_kernel_##isa##_##voxels(const tc_plan_key *key);
+TC_KERNEL_FINDERS(TC_KERNEL_FINDER, scalar)
+TC_KERNEL_FINDERS(TC_KERNEL_FINDER, avx2)
+TC_KERNEL_FINDERS(TC_KERNEL_FINDER, avx512)
 
 #endif

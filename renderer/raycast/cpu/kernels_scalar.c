@@ -3,4 +3,4 @@
 
 #include "renderer/raycast/cpu/kernels_tmpl.h"
 
-tc_cpu_kernel tc_kernel_scalar(const tc_plan_key *key) { return find_kernel(key); }
+tc_cpu_kernel FINDER(tc_kernel_scalar)(const tc_plan_key *key) { return find_kernel(key); }

@@ -28,40 +28,39 @@ V_INLINE vf4 cast_rays(const tc_cpu_args *args, variant v, const place *at, skip
   .shaded = BY_KEY, .gradient = BY_KEY, .terminate = BY_KEY, .leap = BY_KEY, .labels = BY_KEY, .several = BY_KEY,     \
   .jitter = BY_KEY, .subtables = BY_KEY
 
+#ifdef TC_VOXELS
 /* Members that a row does not name are 0: dvr, pre-integrated, front to back, linear filter, one slice, without. */
-#define ROWS_OF(ROW, name, voxels)                                                                                    \
-  ROW(dvr_##name, .type = voxels)                                                                                     \
-  ROW(dvr_##name##_leap, .type = voxels, .leap = 1)                                                                   \
-  ROW(dvr_##name##_terminate, .type = voxels, .terminate = 1)                                                         \
-  ROW(dvr_##name##_terminate_leap, .type = voxels, .terminate = 1, .leap = 1)                                         \
-  ROW(cell_##name, .type = voxels, .shaded = 1, .terminate = 1)                                                       \
-  ROW(cell_##name##_leap, .type = voxels, .shaded = 1, .terminate = 1, .leap = 1)                                     \
-  ROW(lit_##name, .type = voxels, .shaded = 1, .gradient = TC_GRADIENT_CENTRAL, .terminate = 1)                       \
-  ROW(lit_##name##_leap, .type = voxels, .shaded = 1, .gradient = TC_GRADIENT_CENTRAL, .terminate = 1, .leap = 1)     \
-  ROW(options_##name, .type = voxels, .classification = BY_KEY, OPTIONS)                                              \
-  ROW(mip_##name, .type = voxels, .mode = TC_MODE_MIP)                                                                \
-  ROW(mip_##name##_leap, .type = voxels, .mode = TC_MODE_MIP, .leap = 1)                                              \
-  ROW(average_##name, .type = voxels, .mode = TC_MODE_AVERAGE)                                                        \
-  ROW(slice_##name, .type = voxels, .mode = TC_MODE_MPR)                                                              \
-  ROW(slab_mip_##name, .type = voxels, .mode = TC_MODE_MPR, .slab = 1 + TC_SLAB_MIP)                                  \
-  ROW(slab_minip_##name, .type = voxels, .mode = TC_MODE_MPR, .slab = 1 + TC_SLAB_MINIP)                              \
-  ROW(slab_average_##name, .type = voxels, .mode = TC_MODE_MPR, .slab = 1 + TC_SLAB_AVERAGE)
-
+#define ROWS_OF(ROW, name)                                                                                            \
+  ROW(dvr_##name, .type = TYPE_##name)                                                                                \
+  ROW(dvr_##name##_leap, .type = TYPE_##name, .leap = 1)                                                              \
+  ROW(dvr_##name##_terminate, .type = TYPE_##name, .terminate = 1)                                                    \
+  ROW(dvr_##name##_terminate_leap, .type = TYPE_##name, .terminate = 1, .leap = 1)                                    \
+  ROW(cell_##name, .type = TYPE_##name, .shaded = 1, .terminate = 1)                                                  \
+  ROW(cell_##name##_leap, .type = TYPE_##name, .shaded = 1, .terminate = 1, .leap = 1)                                \
+  ROW(lit_##name, .type = TYPE_##name, .shaded = 1, .gradient = TC_GRADIENT_CENTRAL, .terminate = 1)                  \
+  ROW(lit_##name##_leap, .type = TYPE_##name, .shaded = 1, .gradient = TC_GRADIENT_CENTRAL, .terminate = 1, .leap = 1) \
+  ROW(options_##name, .type = TYPE_##name, .classification = BY_KEY, OPTIONS)                                         \
+  ROW(mip_##name, .type = TYPE_##name, .mode = TC_MODE_MIP)                                                           \
+  ROW(mip_##name##_leap, .type = TYPE_##name, .mode = TC_MODE_MIP, .leap = 1)                                         \
+  ROW(average_##name, .type = TYPE_##name, .mode = TC_MODE_AVERAGE)                                                   \
+  ROW(slice_##name, .type = TYPE_##name, .mode = TC_MODE_MPR)                                                         \
+  ROW(slab_mip_##name, .type = TYPE_##name, .mode = TC_MODE_MPR, .slab = 1 + TC_SLAB_MIP)                             \
+  ROW(slab_minip_##name, .type = TYPE_##name, .mode = TC_MODE_MPR, .slab = 1 + TC_SLAB_MINIP)                         \
+  ROW(slab_average_##name, .type = TYPE_##name, .mode = TC_MODE_MPR, .slab = 1 + TC_SLAB_AVERAGE)
+#define ROWS(ROW) ROWS_NOW(ROW, TC_VOXELS)
+#define ROWS_NOW(ROW, name) ROWS_OF(ROW, name)
+#else
 /* Back to front and other filters of all voxel types share one kernel, because kernels are slow to compile. */
-#define REST(ROW)                                                                                                     \
+#define ROWS(ROW)                                                                                                     \
   ROW(rest, .mode = BY_KEY, .type = BY_KEY, .filter = BY_KEY, .slab = BY_KEY, .classification = BY_KEY,               \
       .back_to_front = BY_KEY, OPTIONS)
-
-#ifdef TC_ONE_KERNEL /* sanitizer builds: this one kernel contains all of the code, and compiles fast */
-#define ROWS(ROW) REST(ROW)
-#else
-#define ROWS(ROW)                                                                                                     \
-  ROWS_OF(ROW, u8, TC_U8)                                                                                             \
-  ROWS_OF(ROW, i8, TC_I8)                                                                                             \
-  ROWS_OF(ROW, u16, TC_U16)                                                                                           \
-  ROWS_OF(ROW, i16, TC_I16)                                                                                           \
-  ROWS_OF(ROW, f32, TC_F32)                                                                                           \
-  REST(ROW)
 #endif
 
 #include "renderer/raycast/cpu/tile_tmpl.h"
+
+/* FINDER(tc_kernel_avx2) is tc_kernel_avx2_u8, for example. */
+#ifdef TC_VOXELS
+#define FINDER(name) CONCATENATED(name##_, TC_VOXELS)
+#else
+#define FINDER(name) name##_any
+#endif

@@ -107,7 +107,7 @@ V_INLINE void shade_segments(const tc_cpu_args *args, int type, waiting *w) {
 SIMD_VOXELS(SHADE_WAITING)
 
 V_INLINE void shade_waiting(const tc_cpu_args *args, int type, waiting *w) {
-  switch (type) { /* a constant after inlining */
+  switch (VOXELS(type)) { /* a constant after inlining */
   case TC_U8: shade_waiting_u8(args, w); return;
   case TC_I8: shade_waiting_i8(args, w); return;
   case TC_U16: shade_waiting_u16(args, w); return;

@@ -4,7 +4,7 @@
 #include "renderer/raycast/cpu/clip_tmpl.h"
 
 /* Compiled once per instruction set and called, not inlined into every kernel. */
-#define V_ONCE static __attribute__((noinline))
+#define V_ONCE static __attribute__((noinline, unused))
 
 /* The options of a kernel: rows of the table of variants (kernels_tmpl.h). A member BY_KEY is read from the plan's key
  * at run time. */
@@ -24,6 +24,16 @@
   MEMBER(jitter)                                                                                                      \
   MEMBER(subtables) /* the pre-integration table has subtables (classify/preintegration.h) */
 #define BY_KEY -1
+
+/* The type of the volume's voxels, as a constant before anything is inlined where the translation unit has kernels of one type alone:
+ * code for the others is then dropped before it is copied into every kernel. */
+#ifdef TC_VOXELS
+#define VOXELS(type) ((int)CONCATENATED(TYPE_, TC_VOXELS))
+#else
+#define VOXELS(type) (type)
+#endif
+#define CONCATENATED(a, b) CONCATENATED_NOW(a, b)
+#define CONCATENATED_NOW(a, b) a##b
 
 typedef struct variant {
 #define MEMBER(name) int8_t name;
