@@ -15,6 +15,10 @@ static const float *render(int which, tc_volume *volume, const tc_scene *scene, 
   return test_draw(which, volume, scene, NULL, plan)->linear;
 }
 
+/* Whether a renderer draws a mode of a voxel type: OpenGL draws a third of the pairs, every mode and every type among them, because
+ * a program of the software rasterizer takes 0.3 s to compile; all with TC_LONG. */
+static bool draws(int which, int type, int mode) { return which != GL || (type + mode) % 3 == 0 || getenv("TC_LONG"); }
+
 /* ---- scenes ---- */
 
 typedef struct kind {
@@ -204,7 +208,7 @@ TEST(everyone_agrees) {
         if (m == 0 && k % 2) scene.shading.model = TC_SHADING_BLINN_PHONG;
         render(SCALAR, volume, &scene, NULL);
         EACH_RENDERER(i) {
-          if (i == SCALAR) continue;
+          if (i == SCALAR || !draws(i, type, m)) continue;
           const float *a = render(i, volume, &scene, NULL), *b = test_frames[SCALAR].linear;
           assert_true(test_compare(a, b, PIXELS).finite);
           for (size_t p = 0; p < PIXELS; p++) {
@@ -284,6 +288,7 @@ TEST(constants_stay) {
       g_autoptr(tc_volume) volume = test_volume(&g, test_constant, &(double){0.77});
       for (int m = 0; m < MODES; m++)
         EACH_RENDERER(i) {
+          if (!draws(i, type, m)) continue;
           g_auto(tc_scene) scene;
           scene_of(&scene, volume, &(kind){"linear", TC_FILTER_LINEAR, false}, modes[m], 0.4);
           g_autofree float *linear = g_memdup2(render(i, volume, &scene, NULL), sizeof(float[4]) * PIXELS);
