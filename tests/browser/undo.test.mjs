@@ -37,7 +37,7 @@ describe('undo', { skip }, () => {
       orbit: () => drag(page, [cx, cy], [cx + 90, cy - 40]),
       wheel: async () => {
         await page.mouse.move(cx + 50, cy);
-        await Promise.all([1, 2, 3].map(() => page.mouse.wheel(0, -120))); // one by one, a busy processor makes them two gestures
+        await Promise.all([1, 2, 3].map(() => page.mouse.wheel(0, -120))); // together: with pauses between them they are several gestures
         await page.waitForTimeout(250); // the wheel rests
       },
       view: () => page.locator('#stage').press('l'),

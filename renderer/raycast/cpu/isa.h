@@ -13,7 +13,7 @@ typedef struct tc_cpu_isa {
   double sample_ns; /* rough time per sample of tc_estimate_samples() */
 } tc_cpu_isa;
 
-/* Finds a variant by name; TC_ERROR_INVALID for an unknown name or an instruction set that this processor lacks. wanted
+/* Finds a variant by name; TC_ERROR_INVALID for an unknown name, or an instruction set that this processor or this build lacks. wanted
  * NULL: the best instruction set of this processor, in the variant that is fastest in a trial of a few milliseconds,
  * because the costs of loads, gathers and permutations differ between processors. Static. */
 const tc_cpu_isa *tc_cpu_isa_choose(const char *wanted, GError **error);

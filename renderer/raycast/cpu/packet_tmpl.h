@@ -26,7 +26,7 @@
 #define BY_KEY -1
 
 /* The type of the volume's voxels, as a constant before anything is inlined where the translation unit has kernels of one type alone:
- * code for the others is then dropped before it is copied into every kernel. */
+ * code for the others is then dropped before it is copied into every kernel. Not for the type of any other array, such as labels. */
 #ifdef TC_VOXELS
 #define VOXELS(type) ((int)CONCATENATED(TYPE_, TC_VOXELS))
 #else
