@@ -7,7 +7,7 @@
 #include "tests/support/judge.h"
 
 /* Every how many cases of a row a way draws, other ones in other ways: all with TC_LONG. */
-enum { SPARSE = SANITIZED ? 13 : 3 };
+enum { SPARSE = SANITIZED ? 13 : 5 };
 static int stride(void) { return getenv("TC_LONG") ? 1 : SPARSE; }
 
 /* A plain scene over noise, which each case then bends. */
@@ -234,7 +234,7 @@ TEST(every_way) {
 /* The same bends of random scenes: shaded, labelled, clipped, several rays a pixel, turned grids. TC_RANDOM_SCENES and
  * TC_RANDOM_SEED are those of test_stability, of which this draws one in twenty. */
 TEST(bent_random_scenes) {
-  enum { SCENES = SPARSE > 2 ? 20 : 100, ONE_IN = 20, WITH_GL = 30 }; /* of GL the compiling takes the time */
+  enum { SCENES = 20, ONE_IN = 20, WITH_GL = 30 }; /* of GL the compiling takes the time */
   const char *count = getenv("TC_RANDOM_SCENES"), *only = getenv("TC_RANDOM_SEED");
   uint64_t n = count ? strtoull(count, NULL, 10) / ONE_IN : only ? 1 : SCENES,
            first = only ? strtoull(only, NULL, 10) : 1;

@@ -367,7 +367,7 @@ TEST(other_samples_and_layers_are_no_ties) {
   needs(test_renderers[GL]);
   tc_gl_mesh_peels_in_software = true;
   g_autoptr(tc_volume) volume = fewer_waves();
-  for (int round = 0; round < 6; round += SANITIZED ? 2 : 1) { /* the rounds differ in values, not in code */
+  for (int round = 0; round < 6; round += STRIDE(2)) {
     g_auto(tc_scene) scene, other;
     const bool layers = round != 1;
     for (int i = 0; i < 2; i++) {
@@ -454,7 +454,7 @@ TEST(slices_are_the_cpus) {
 TEST(translucent_layers_of_several_samples_are_sorted) {
   needs(test_renderers[GL]);
   g_autoptr(tc_volume) volume = fewer_waves();
-  for (int round = 0; round < 2; round++) {
+  for (int round = 0; round < 2; round += STRIDE(2)) {
     g_auto(tc_scene) scene;
     mesh_scene(&scene, volume, round ? TC_ORTHOGRAPHIC : TC_PERSPECTIVE);
     scene.sampling.rays_per_pixel = round ? 8 : 4;

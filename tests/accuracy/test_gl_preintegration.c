@@ -232,7 +232,7 @@ TEST(pictures) {
   tc_knot peak[] = {{0.49999, {1, 0.5, 0}, 0}, {0.5, {1, 1, 0}, 1}, {0.50001, {0, 0.5, 1}, 0}};
   tc_renderer *r[] = {renderer_with(TC_TABLES_CPU), renderer_with(TC_TABLES_GL)};
   static const char *const says[] = {"built by the cpu: asked for", "built by opengl: asked for"};
-  for (size_t i = 0; i < 2 * G_N_ELEMENTS(types); i++) {
+  for (size_t i = 0; i < 2 * G_N_ELEMENTS(types); i += STRIDE(3)) {
     g_autoptr(tc_volume) volume = waves(types[i / 2]);
     g_auto(tc_scene) scene;
     tc_frame frames[2] = {{0}, {0}};

@@ -77,8 +77,8 @@ TEST(whatever_is_drawn_has_a_truth) {
     scene.mesh.lights[1] = (tc_mesh_light){.at_camera = true, .color = {0.2, 0.4, 1}, .intensity = 0.5}, scene.mesh.n_lights = 2;
     tc_scene_set_surfaces(&scene, g_memdup2(list, sizeof list), 4);
     if (modes[m] == TC_MODE_MIP) scene.mesh.surfaces[1].source = TC_SURFACE_OF_VALUE, scene.mesh.surfaces[1].value = 150; /* no labels there */
-    double off[6];
-    for (int i = 0; i < 6; i++) { /* what is drawn, against a truth that lacks one thing from i = 1 on */
+    double off[6] = {0};
+    for (int i = 0; i < 6; i += STRIDE(5)) { /* what is drawn, against a truth that lacks one thing from i = 1 on */
       g_auto(tc_scene) truth;
       tc_scene_copy(&truth, &scene);
       tc_scene_set_surfaces(&truth, g_memdup2(scene.mesh.surfaces, sizeof list), 4);
@@ -88,7 +88,7 @@ TEST(whatever_is_drawn_has_a_truth) {
     }
     print_message("  %s: rms %.1e; without each %.3f %.3f %.3f %.3f, lights %.3f\n", tc_mode_names[modes[m]], off[0], off[1], off[2], off[3], off[4], off[5]);
     assert_true(off[0] < 0.012);
-    for (int i = 1; i < 6; i++) assert_true(off[i] > 2 * off[0]);
+    for (int i = STRIDE(5); i < 6; i++) assert_true(off[i] > 2 * off[0]);
   }
 }
 
@@ -204,7 +204,7 @@ static double computed_after_cancelling(tc_meter_subject subject, double after, 
 /* A truth of a large mesh without normals that is cancelled in any phase of its making ends after a small share of the work.
  * The least of a few tries counts, because on a busy machine the making thread may run on before it sees the flag. */
 TEST(making_a_truth_is_cancelled) {
-  enum { MOMENTS = SANITIZED ? 12 : 24, TRIES = 3 };
+  enum { MOMENTS = SANITIZED ? 6 : 24, TRIES = 3 };
   g_autoptr(tc_volume) volume = test_volume(&(test_grid){.dims = {4, 4, 4}, .type = TC_F32}, test_radius2, (double[3]){2, 2, 2});
   g_autoptr(tc_mesh) large = tc_mesh_new(3000000, 2000000, false, NULL);
   const tc_mesh_surface one = {.source = TC_SURFACE_OF_MESH, .opacity = 1, .visible = true};

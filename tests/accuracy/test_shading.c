@@ -50,10 +50,10 @@ static void pixel_at(const float *image, double x, double y, double rgba[4]) {
 
 TEST(everyone_agrees) {
   double worst[RENDERERS] = {0}, sum[RENDERERS] = {0};
-  size_t ties = 0, compared = 0;
+  size_t ties = 0, compared[RENDERERS] = {0}, all = 0;
   for (int type = 0; type < TC_VOXEL_TYPE_COUNT; type++)
     for (int model = TC_SHADING_LAMBERT; model < TC_SHADING_COUNT; model++)
-      for (int bits = 0; bits < 8; bits++) {
+      for (int bits = type % STRIDE(3); bits < 8; bits += STRIDE(3)) {
         g_autoptr(tc_volume) volume = waves((tc_voxel_type)type, 1);
         g_auto(tc_scene) scene;
         shaded_scene(&scene, volume, (tc_shading_model)model, soft, 3);
@@ -69,7 +69,7 @@ TEST(everyone_agrees) {
           assert_true(test_compare(a, b, PIXELS).finite);
           for (size_t p = 0; p < PIXELS; p++) {
             const double d = test_pixel_off(a, b, p);
-            compared++;
+            compared[i]++;
             /* Gradients jump at cell faces, and normals edge-on to the view turn over: rounding decides. */
             if (d > 1.0 / 255) ties++;
             else worst[i] = fmax(worst[i], d), sum[i] += d * d;
@@ -78,12 +78,13 @@ TEST(everyone_agrees) {
       }
   EACH_RENDERER(i) {
     if (i == SCALAR) continue;
-    double rms = sqrt(sum[i] / (PIXELS * TC_VOXEL_TYPE_COUNT * 3 * 8));
+    all += compared[i];
+    double rms = sqrt(sum[i] / (double)compared[i]);
     printf("  %s against scalar: max %.2e rms %.2e but for ties\n", test_names[i], worst[i], rms);
     assert_true(rms < 1e-4);
   }
-  printf("  over 1/255: %zu of %zu pixels\n", ties, compared);
-  assert_true((double)ties <= 1e-3 * (double)compared);
+  printf("  over 1/255: %zu of %zu pixels\n", ties, all);
+  assert_true((double)ties <= 1e-3 * (double)all);
 }
 
 TEST(energy_is_bounded) {
@@ -224,7 +225,7 @@ TEST(spacing_and_shear) {
   tall.dims[0] = 257, tall.dims[2] = 161;
   tall.spacing[0] = 0.125, tall.spacing[2] = 0.2;
   g_autoptr(tc_volume) volume = ball_on(&tall, center);
-  for (int gradient = 0; gradient < TC_GRADIENT_COUNT; gradient++)
+  for (int gradient = 0; gradient < TC_GRADIENT_COUNT; gradient += STRIDE(2))
     check_ball("spacing 0.125, 0.25, 0.2", volume, center, (tc_gradient)gradient);
   tc_volume_unref(volume);
   /* the z axis leans over by 0.3 rad, as a gantry tilt does */
@@ -232,7 +233,7 @@ TEST(spacing_and_shear) {
   sheared.origin[1] = -s * 16;
   sheared.dims[2] = 141;
   volume = ball_on(&sheared, center);
-  for (int gradient = 0; gradient < TC_GRADIENT_COUNT; gradient++)
+  for (int gradient = 0; gradient < TC_GRADIENT_COUNT; gradient += STRIDE(2))
     check_ball("sheared", volume, center, (tc_gradient)gradient);
   tc_volume_unref(volume);
   memcpy(turned.direction, (double[9]){0, -1, 0, 0, 0, 1, 1, 0, 0}, sizeof turned.direction);
@@ -314,7 +315,7 @@ TEST(leaping_changes_no_bit) {
   g_autofree float *whole = calloc(PIXELS, 16);
   for (int type = 0; type < TC_VOXEL_TYPE_COUNT; type++)
     for (int model = TC_SHADING_LAMBERT; model < TC_SHADING_COUNT; model++)
-      for (int bits = 0; bits < 4; bits++) {
+      for (int bits = (type + model) % STRIDE(4); bits < 4; bits += STRIDE(4)) {
         test_grid grid = {.dims = {60, 50, 55}, .type = (tc_voxel_type)type, .slope = type == TC_F32 ? 1 : 0.01};
         g_autoptr(tc_volume) volume = test_volume(&grid, test_waves, &(double){40});
         g_auto(tc_scene) scene;

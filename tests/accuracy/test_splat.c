@@ -167,7 +167,7 @@ static bool within_a_surface(const tc_frame *truth, int x, int y, int reach, flo
   return *far < near + 5;
 }
 
-enum { SPARSE = SANITIZED ? 5 : 1 }; /* one of SPARSE views is drawn */
+enum { SPARSE = STRIDE(5) }; /* one of SPARSE views is drawn */
 
 /* A wall hides everything behind it at any size of voxels in the picture, except for four pixels in a million. */
 TEST(walls_have_no_holes) {
@@ -585,7 +585,7 @@ TEST(paused_pictures_end_the_same) {
 
 /* As a whole: what is read is built, and the picture drawn, in as many pieces as a caller likes. */
 TEST(frames_are_made_in_pieces) {
-  const int side = SANITIZED ? 100 : 160;
+  const int side = SANITIZED ? 80 : 160;
   const test_grid large = {.dims = {side, side, side}, .type = TC_U8};
   const unsigned seed = 7;
   g_autoptr(tc_volume) volume = test_volume(&large, test_noise, &seed); /* values 0 and 1, each half of the voxels */

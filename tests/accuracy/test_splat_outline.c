@@ -140,11 +140,11 @@ TEST(ends_with_the_grid_are_flat) {
   static const rod rods[] = {{2, {0.3, -0.15}, 8}, {1, {0, 0}, 10}, {0, {0.4, 0.2}, 5}};
   static const double wide_ball[2] = {23, 0};
   const solid solids[] = {{rod_at, &rods[0]}, {rod_at, &rods[1]}, {rod_at, &rods[2]}, {blob, wide_ball}, {everywhere, NULL}};
-  for (int i = 0; i < (int)G_N_ELEMENTS(solids); i++) {
+  for (int i = 0; i < (int)G_N_ELEMENTS(solids); i += STRIDE(2)) {
     g_auto(object) o = object_of(&cube, solids[i].field, solids[i].context);
     g_auto(drawing) d = {0};
     double over = 0, under = 0;
-    for (int view = 0; view < 10; view += SANITIZED ? 3 : 1) {
+    for (int view = 0; view < 10; view += STRIDE(3)) {
       g_auto(tc_scene) scene;
       double side[3], from[3];
       tc_rays rays;
@@ -221,7 +221,7 @@ static double wall_at(double x, double y, double z, const void *context) {
 /* Whole bricks of such a wall have no face that looks to the eye. */
 TEST(culling_changes_no_bit_of_flat_walls) {
   static const test_grid deep = {.dims = {40, 40, 200}, .type = TC_F32};
-  for (int i = 0; i < 4; i++) {
+  for (int i = 0; i < 4; i += STRIDE(3)) {
     const double slope = i < 2 ? 0.02 : 0.03;
     g_auto(object) o = object_of(&deep, wall_at, &slope);
     g_auto(drawing) d = {0};

@@ -84,7 +84,7 @@ static double narrow(double x, double y, double z, const void *unused) {
 /* Rays that meet a wall only just before their end, after clear segments, in every way in which segments are short. */
 TEST(a_wall_at_the_end) {
   g_autoptr(tc_volume) volume = test_volume(&(test_grid){.dims = {12, 9, 9}, .type = TC_U16}, narrow, NULL);
-  for (int n = 0; n < 12; n++) {
+  for (int n = 0; n < 12; n += STRIDE(5)) {
     double most[2][2] = {{0}};
     for (size_t i = 0; i < G_N_ELEMENTS(depths); i++) {
       double depth = depths[i];

@@ -47,6 +47,8 @@ enum { SANITIZED = 1 };
 #else
 enum { SANITIZED = 0 };
 #endif
+/* How far to step in loops over cases that differ in values and not in code: `most` under such a checker, else 1. */
+#define STRIDE(most) (SANITIZED ? (most) : 1)
 
 /* Skips a test if the machine lacks what it needs. */
 #define needs(what) do { if (!(what)) skip(); } while (0)
