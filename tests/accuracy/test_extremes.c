@@ -170,6 +170,8 @@ static const struct row {
 
 /* ---- the ways: every classification with every filter; the other modes with every filter ---- */
 
+/* OpenGL draws one of GL_WAYS, every mode, classification and filter among them: compiling takes half of the time. */
+enum { GL_WAYS = 3 };
 enum { FILTERS = 4, MODES = 4, WAYS = FILTERS * (TC_CLASSIFICATION_COUNT + MODES) + 1 };
 
 static void take_way(test_case *c, int way) {
@@ -203,7 +205,7 @@ static void judge_row(const struct row *row, int way, size_t judged[RENDERERS + 
     take_way(&c, way);
     if (!test_case_fit(&c, &refusal)) fail_msg("%s, %d, way %d is refused: %s", row->name, i, way, refusal);
     size_t was = test_judged.shown;
-    bool sane = test_judge(&c, TEST_ON_ALL);
+    bool sane = test_judge(&c, way % GL_WAYS && stride() > 1 ? TEST_ON_ALL & ~(1u << GL) : TEST_ON_ALL);
     if (c.scene.mode == TC_MODE_DVR) shown[row - rows][i] += test_judged.shown - was;
     if (sane) continue;
     test_case_print(&c);
