@@ -450,6 +450,26 @@ TEST(slices_are_the_cpus) {
   tc_gl_mesh_peels_in_software = false;
 }
 
+/* A surface and a slice, each there twice: triangles of equal depth, in the order of their numbers. */
+TEST(layers_of_equal_depth_are_all_drawn) {
+  needs(test_renderers[GL]);
+  tc_gl_mesh_peels_in_software = true;
+  g_autoptr(tc_volume) volume = fewer_waves();
+  const tc_mesh_surface list[4] = {
+      {.value = 0.6, .color = {0.9, 0.2, 0.1}, .opacity = 0.3, .has_color = true, .visible = true, .two_sided = true},
+      {.value = 0.6, .color = {0.1, 0.3, 0.9}, .opacity = 0.5, .has_color = true, .visible = true, .two_sided = true},
+      {.source = TC_SURFACE_OF_PLANE, .plane = TC_CORONAL, .opacity = 0.4, .visible = true, .two_sided = true},
+      {.source = TC_SURFACE_OF_PLANE, .plane = TC_CORONAL, .opacity = 0.7, .visible = true, .two_sided = true}};
+  for (int round = 0; round < 2; round++) {
+    g_auto(tc_scene) scene;
+    mesh_scene(&scene, volume, round ? TC_ORTHOGRAPHIC : TC_PERSPECTIVE);
+    scene.sampling.rays_per_pixel = round ? 2 : 1;
+    tc_scene_set_surfaces(&scene, g_memdup2(list, sizeof list), 4);
+    expect_equal(volume, &nothing_else, &scene);
+  }
+  tc_gl_mesh_peels_in_software = false;
+}
+
 /* Four surfaces, each of which a ray meets several times, by 4 and 8 samples a pixel. */
 TEST(translucent_layers_of_several_samples_are_sorted) {
   needs(test_renderers[GL]);

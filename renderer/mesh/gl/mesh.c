@@ -46,7 +46,7 @@ typedef struct drawing {
   bool translucent;
   /* GL names. ids, depths: a layer for each sample, of what is opaque; of translucent layers, their depths in turn. buffers:
    * the block, surfaces, what layers gave */
-  unsigned vertices, target, ids[2], depths[3], buffers[3];
+  unsigned vertices, target, ids[3], depths[3], buffers[3];
 } drawing;
 
 /* ---- the mesh in one buffer: indices, clusters and, of a mesh that has some, colours of corners, vertices ----
@@ -235,9 +235,10 @@ static unsigned make_texture(unsigned format, int side, int layers) {
 }
 
 static void make_target(drawing *d, int side) {
-  for (int i = 0; i < (d->translucent ? 2 : 1); i++) d->ids[i] = make_texture(GL_R32UI, side, d->block.n_samples);
-  for (int i = 0; i < (d->translucent ? 3 : 1); i++)
+  for (int i = 0; i < (d->translucent ? 3 : 1); i++) {
+    d->ids[i] = make_texture(GL_R32UI, side, d->block.n_samples);
     d->depths[i] = make_texture(GL_DEPTH_COMPONENT32F, side, d->block.n_samples);
+  }
   glCreateFramebuffers(1, &d->target);
 }
 
@@ -288,7 +289,7 @@ static void drop_objects(drawing *d) {
   glBindFramebuffer(GL_DRAW_FRAMEBUFFER, 0);
   glBindVertexArray(0);
   glDeleteFramebuffers(1, &d->target);
-  glDeleteTextures(2, d->ids);
+  glDeleteTextures(3, d->ids);
   glDeleteTextures(3, d->depths);
   glDeleteVertexArrays(1, &d->vertices);
   glDeleteBuffers(3, d->buffers);
@@ -329,7 +330,9 @@ static bool draw_clusters(drawing *d, const int tile[4], bool translucent) {
   return true;
 }
 
-/* layer: 0: what is opaque; then translucent layers, the nearest first. */
+/* Which textures of ids and depths a layer has: 0 is what is opaque, the others are translucent, the nearest first. */
+static int textures_of(int layer) { return layer ? 1 + layer % 2 : 0; }
+
 static bool draw_sample(drawing *d, const int tile[4], int s, int layer) {
   const tc_mesh_view *v = &d->of.view;
   const unsigned program = d->gl->programs[layer ? 2 : 1];
@@ -339,8 +342,8 @@ static bool draw_sample(drawing *d, const int tile[4], int s, int layer) {
     place[2 * k] = 2 * v->scale / tile[2 + k];
     place[2 * k + 1] = 2 * (v->centre[k] - tile[k] + 0.5 - (double)offset[k]) / tile[2 + k] - 1;
   }
-  glNamedFramebufferTextureLayer(d->target, GL_COLOR_ATTACHMENT0, d->ids[layer > 0], 0, s);
-  glNamedFramebufferTextureLayer(d->target, GL_DEPTH_ATTACHMENT, d->depths[layer ? 1 + layer % 2 : 0], 0, s);
+  glNamedFramebufferTextureLayer(d->target, GL_COLOR_ATTACHMENT0, d->ids[textures_of(layer)], 0, s);
+  glNamedFramebufferTextureLayer(d->target, GL_DEPTH_ATTACHMENT, d->depths[textures_of(layer)], 0, s);
   glClearNamedFramebufferuiv(d->target, GL_COLOR, 0, (const GLuint[4]){UINT32_MAX});
   glClearNamedFramebufferfv(d->target, GL_DEPTH, 0, &(GLfloat){0});
   glUseProgram(program);
@@ -356,8 +359,8 @@ static bool draw_samples(drawing *d, const int tile[4], int layer) {
   return true;
 }
 
-/* Translucent layers, each behind the one before (Everitt, Interactive order-independent transparency, 2001), until there
- * is none. False: halted. */
+/* Translucent layers, each behind the one before (Everitt, Interactive order-independent transparency, 2001) or as deep with a
+ * higher number, until there is none. False: halted. */
 static bool peel(drawing *d, const int tile[4]) {
   const unsigned program = d->gl->programs[0];
   GLuint query, any = 1;
@@ -366,13 +369,14 @@ static bool peel(drawing *d, const int tile[4]) {
   glCreateQueries(GL_ANY_SAMPLES_PASSED, 1, &query);
   for (int layer = 1; any && !halted; layer++) {
     glBindTextureUnit(1, d->depths[0]);
-    glBindTextureUnit(2, d->depths[2 - layer % 2]);
+    glBindTextureUnit(2, d->depths[textures_of(layer + 1)]);
+    glBindTextureUnit(TRIANGLES, d->ids[textures_of(layer + 1)]);
     glBeginQuery(GL_ANY_SAMPLES_PASSED, query);
     halted = !draw_samples(d, tile, layer);
     glEndQuery(GL_ANY_SAMPLES_PASSED);
     glGetQueryObjectuiv(query, GL_QUERY_RESULT, &any);
     halted = halted || tc_halt_within(d->gl->job->halt);
-    glBindTextureUnit(TRIANGLES, d->ids[1]);
+    glBindTextureUnit(TRIANGLES, d->ids[textures_of(layer)]);
     glUseProgram(program);
     glProgramUniform4i(program, 0, tile[0], tile[1], tile[2], tile[3]);
     glProgramUniform1i(program, 1, 1);

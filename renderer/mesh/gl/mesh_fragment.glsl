@@ -7,6 +7,7 @@ layout(location = 0) out uint triangle;
 #if PEEL
 layout(binding = 1) uniform sampler2DArray opaque; // depths of a layer for each sample
 layout(binding = 2) uniform sampler2DArray before;
+layout(binding = 3) uniform usampler2DArray number_before;
 layout(location = 1) uniform ivec2 peel; // sample; whether there is a layer before
 #endif
 
@@ -32,8 +33,13 @@ void main() {
 #endif
 #if PEEL
   ivec3 at_sample = ivec3(gl_FragCoord.xy, peel.x);
-  if (depth <= texelFetch(opaque, at_sample, 0).r || (peel.y != 0 && depth >= texelFetch(before, at_sample, 0).r))
+  if (depth <= texelFetch(opaque, at_sample, 0).r)
     discard;
+  if (peel.y != 0) { // of equal depths the lowest number comes first
+    float near = texelFetch(before, at_sample, 0).r;
+    if (depth > near || (depth == near && number <= texelFetch(number_before, at_sample, 0).r))
+      discard;
+  }
 #endif
 #if LABELS
   gl_FragDepth = depth;
