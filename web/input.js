@@ -3,6 +3,7 @@
 import { dragChord, wheelChord } from './bindings.js';
 
 const WHEEL_REST_MS = 150; // a wheel has no "up" event: its gesture ends after this long
+const LATE_MS = 50; // a timer this late tells of a busy page
 const CLICK_SLOP_PX = 4;
 const TWICE_MS = 400; // between the clicks of a double click
 const TWICE_SLOP_PX = 24; // a finger does not hit the same pixel twice
@@ -209,8 +210,18 @@ export class Input {
     if (action === 'scroll') this.#scroll(notches(event));
     else if (action === 'zoom') this.#add(compose(this.#sum, { factor, at: [x, y] }));
     if (!this.#wheelTimer) this.#on.active(true);
+    this.#restWheel(true);
+  }
+
+  /** Ends the wheel's gesture after a rest. If the page was busy meanwhile, once more: the next event may still wait behind. */
+  #restWheel(again) {
+    const due = performance.now() + WHEEL_REST_MS;
     clearTimeout(this.#wheelTimer);
     this.#wheelTimer = setTimeout(() => {
+      if (again && performance.now() > due + LATE_MS) {
+        this.#restWheel(false);
+        return;
+      }
       this.#wheelTimer = 0;
       this.#on.active(false);
     }, WHEEL_REST_MS);

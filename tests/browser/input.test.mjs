@@ -1,9 +1,10 @@
 import assert from 'node:assert/strict';
 import { test } from 'node:test';
+import { setTimeout as sleep } from 'node:timers/promises';
 
 import { volumeBox } from '../../web/camera.js';
 import { Bindings, contextOf, dragChord, keyChord, TABLE } from '../../web/bindings.js';
-import { compose, NO_MOVEMENT, notches, pinch, wheelFactor } from '../../web/input.js';
+import { compose, Input, NO_MOVEMENT, notches, pinch, wheelFactor } from '../../web/input.js';
 import { patchFor, valueAt } from '../../web/panels.js';
 import { compressionRatio, errorText, fidelity, frameRate, surfaceLines } from '../../web/status.js';
 import { sliceHeight, slicePlace, slicePixels, sliceStep, steer } from '../../web/steer.js';
@@ -104,6 +105,31 @@ test('a notch of a wheel is one, in whatever unit it comes; Ctrl never zooms by 
     assert.equal(factor > 1, deltaY < 0);
   }
   assert.ok(wheelFactor({ deltaY: 120, deltaMode: 0 }, false) < 1 / 1.2);
+});
+
+test('turns of the wheel that a busy page gets late are one gesture', async () => {
+  const gestures = [];
+  const element = Object.assign(new EventTarget(), {
+    closest: () => null,
+    getBoundingClientRect: () => ({ left: 0, top: 0, width: 800, height: 600 }),
+  });
+  new Input(element, new Bindings(), { mode: () => 'dvr', wake() {}, active: (on) => gestures.push(on) });
+  const turn = () => element.dispatchEvent(Object.assign(new Event('wheel'), { deltaY: -120, deltaMode: 0, clientX: 5, clientY: 5 }));
+  const busyUntil = (ms) => {
+    while (performance.now() < ms);
+  };
+  turn();
+  setTimeout(() => {
+    turn(); // behind the timer of the first, which is due, too
+  }, 160);
+  busyUntil(performance.now() + 300);
+  await sleep(600);
+  assert.deepEqual(gestures, [true, false]);
+  turn();
+  await sleep(600);
+  turn();
+  await sleep(600);
+  assert.deepEqual(gestures.slice(2), [true, false, true, false], 'a rest ends it');
 });
 
 test('two fingers: shift, zoom and twist; movements put together are one map of the picture', () => {

@@ -38,7 +38,7 @@ describe('undo', { skip }, () => {
       wheel: async () => {
         await page.mouse.move(cx + 50, cy);
         await Promise.all([1, 2, 3].map(() => page.mouse.wheel(0, -120))); // together: with pauses between them they are several gestures
-        await page.waitForTimeout(250); // the wheel rests
+        await page.waitForTimeout(600); // the wheel rests
       },
       view: () => page.locator('#stage').press('l'),
       crop: () => slide(page.locator('#crop input').nth(3), 0.4),
