@@ -90,6 +90,7 @@ static void some_surfaces(dice *d, const subject *on, tc_scene *s) {
     if (happens(d, 0.2)) of[i].source = TC_SURFACE_OF_PLANE, of[i].plane = (tc_mpr_orientation)one_of(d, 3), of[i].two_sided = true;
     if (on->labels && happens(d, 0.5)) of[i].source = TC_SURFACE_OF_LABEL, of[i].label = 1 + one_of(d, 4);
     if (happens(d, 0.3)) of[i].own_shading = 1, of[i].model = (tc_shading_model)one_of(d, TC_SHADING_COUNT);
+    if (i % 2 && of[i].opacity < 1) of[i].value = of[i - 1].value; /* as deep as the one before */
   }
   tc_scene_set_surfaces(s, of, (size_t)n);
   s->mesh.with_volume = happens(d, 0.5);
