@@ -1,6 +1,5 @@
 import assert from 'node:assert/strict';
 import { test } from 'node:test';
-import { setTimeout as sleep } from 'node:timers/promises';
 
 import { volumeBox } from '../../web/camera.js';
 import { Bindings, contextOf, dragChord, keyChord, TABLE } from '../../web/bindings.js';
@@ -10,6 +9,7 @@ import { compressionRatio, errorText, fidelity, frameRate, surfaceLines } from '
 import { sliceHeight, slicePlace, slicePixels, sliceStep, steer } from '../../web/steer.js';
 import { pictureSize } from '../../web/view.js';
 import { describe, formatBytes, idsFor, uploadId, volumeList } from '../../web/volumes.js';
+import { sleep } from '../support/daemon.mjs';
 
 const STAGE = { width: 800, height: 600 };
 const VOLUME = { dims: [101, 101, 51], spacing: [1, 1, 2], origin: [-50, -50, -50], range: [-1000, 2000] };
@@ -119,9 +119,7 @@ test('turns of the wheel that a busy page gets late are one gesture', async () =
     while (performance.now() < ms);
   };
   turn();
-  setTimeout(() => {
-    turn(); // behind the timer of the first, which is due, too
-  }, 160);
+  setTimeout(turn, 160); // runs right after the rest timer of the first turn: both are overdue by then
   busyUntil(performance.now() + 300);
   await sleep(600);
   assert.deepEqual(gestures, [true, false]);
