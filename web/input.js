@@ -3,7 +3,7 @@
 import { dragChord, wheelChord } from './bindings.js';
 
 const WHEEL_REST_MS = 150; // a wheel has no "up" event: its gesture ends after this long
-const LATE_MS = 50; // a timer this late tells of a busy page
+const LATE_MS = 50; // a timer that fires later than this shows that the page was busy
 const CLICK_SLOP_PX = 4;
 const TWICE_MS = 400; // between the clicks of a double click
 const TWICE_SLOP_PX = 24; // a finger does not hit the same pixel twice
@@ -213,7 +213,7 @@ export class Input {
     this.#restWheel(true);
   }
 
-  /** Ends the wheel's gesture after a rest. If the page was busy meanwhile, once more: the next event may still wait behind. */
+  /** Ends the wheel's gesture after a rest. `again`: waits once more if the page was busy, since wheel events may still be queued. */
   #restWheel(again) {
     const due = performance.now() + WHEEL_REST_MS;
     clearTimeout(this.#wheelTimer);

@@ -44,8 +44,8 @@ typedef struct drawing {
   tc_progress *progress;
   tc_gl_batch batch;
   bool translucent;
-  /* GL names. ids, depths: a layer for each sample, of what is opaque; of translucent layers, their depths in turn. buffers:
-   * the block, surfaces, what layers gave */
+  /* GL names. ids, depths: [0] of opaque surfaces, [1] and [2] of translucent layers in turn (textures_of); each texture has an
+   * array layer for each sample. buffers: the block, surfaces, what layers gave */
   unsigned vertices, target, ids[3], depths[3], buffers[3];
 } drawing;
 
@@ -330,7 +330,7 @@ static bool draw_clusters(drawing *d, const int tile[4], bool translucent) {
   return true;
 }
 
-/* Which textures of ids and depths a layer has: 0 is what is opaque, the others are translucent, the nearest first. */
+/* Index into ids and depths. layer: 0: opaque surfaces; then translucent layers, the nearest first. */
 static int textures_of(int layer) { return layer ? 1 + layer % 2 : 0; }
 
 static bool draw_sample(drawing *d, const int tile[4], int s, int layer) {
