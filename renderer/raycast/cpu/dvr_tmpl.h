@@ -136,7 +136,7 @@ V_INLINE void cast_packet(const tc_cpu_args *args, variant v, const place *at, v
     sum.a = v_fma(weight, c.a, sum.a);
     clear = v_fnma(weight, c.a, clear);
     live = m_and(live, v_lt(t1, p.length));
-    if (v.terminate) live = m_and(live, not_terminated(args, clear));
+    live = m_and(live, not_terminated(args, clear));
     front = back, back = next, middle = next_middle;
     if (cell) shift_slopes(slopes);
   }
@@ -144,5 +144,5 @@ V_INLINE void cast_packet(const tc_cpu_args *args, variant v, const place *at, v
     if (w.n) shade_waiting(args, v.type, &w);
     sum.r = w.sum[0], sum.g = w.sum[1], sum.b = w.sum[2];
   }
-  *out = finish_rays(args, v, sum, clear);
+  *out = finish_rays(args, sum, clear);
 }

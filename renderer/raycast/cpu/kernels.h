@@ -67,7 +67,7 @@ typedef struct tc_cpu_args {
   struct { float lo, scale, last; } nodes;
   const float *table; /* row k = 0 of tc_table */
   float table_stride; /* entries per row; offsets are computed in float, exact below 2^24 */
-  float termination;  /* transparency below which early ray termination ends a ray */
+  float termination;  /* transparency below which early ray termination ends a ray; 0: none ends early */
   float zero_below, zero_above; /* nodes: segments below or above contribute nothing (tc_support_zones()) */
   int n_subtables;
   tc_cpu_subtable subtables[TC_MAX_SUBTABLES];

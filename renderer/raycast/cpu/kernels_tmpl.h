@@ -25,20 +25,18 @@ V_INLINE vf4 cast_rays(const tc_cpu_args *args, variant v, const place *at, skip
 
 /* Options that few pictures use are read from the key, outside the innermost loops where possible. */
 #define OPTIONS                                                                                                       \
-  .shaded = BY_KEY, .gradient = BY_KEY, .terminate = BY_KEY, .leap = BY_KEY, .labels = BY_KEY, .several = BY_KEY,     \
-  .jitter = BY_KEY, .subtables = BY_KEY
+  .shaded = BY_KEY, .gradient = BY_KEY, .leap = BY_KEY, .labels = BY_KEY, .several = BY_KEY, .jitter = BY_KEY,        \
+  .subtables = BY_KEY
 
 #ifdef TC_VOXELS
 /* Members that a row does not name are 0: dvr, pre-integrated, front to back, linear filter, one slice, without. */
 #define ROWS_OF(ROW, name)                                                                                            \
   ROW(dvr_##name, .type = TYPE_##name)                                                                                \
   ROW(dvr_##name##_leap, .type = TYPE_##name, .leap = 1)                                                              \
-  ROW(dvr_##name##_terminate, .type = TYPE_##name, .terminate = 1)                                                    \
-  ROW(dvr_##name##_terminate_leap, .type = TYPE_##name, .terminate = 1, .leap = 1)                                    \
-  ROW(cell_##name, .type = TYPE_##name, .shaded = 1, .terminate = 1)                                                  \
-  ROW(cell_##name##_leap, .type = TYPE_##name, .shaded = 1, .terminate = 1, .leap = 1)                                \
-  ROW(lit_##name, .type = TYPE_##name, .shaded = 1, .gradient = TC_GRADIENT_CENTRAL, .terminate = 1)                  \
-  ROW(lit_##name##_leap, .type = TYPE_##name, .shaded = 1, .gradient = TC_GRADIENT_CENTRAL, .terminate = 1, .leap = 1) \
+  ROW(cell_##name, .type = TYPE_##name, .shaded = 1)                                                                  \
+  ROW(cell_##name##_leap, .type = TYPE_##name, .shaded = 1, .leap = 1)                                                \
+  ROW(lit_##name, .type = TYPE_##name, .shaded = 1, .gradient = TC_GRADIENT_CENTRAL)                                  \
+  ROW(lit_##name##_leap, .type = TYPE_##name, .shaded = 1, .gradient = TC_GRADIENT_CENTRAL, .leap = 1)                \
   ROW(options_##name, .type = TYPE_##name, .classification = BY_KEY, OPTIONS)                                         \
   ROW(mip_##name, .type = TYPE_##name, .mode = TC_MODE_MIP)                                                           \
   ROW(mip_##name##_leap, .type = TYPE_##name, .mode = TC_MODE_MIP, .leap = 1)                                         \

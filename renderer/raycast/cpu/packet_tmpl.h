@@ -16,9 +16,8 @@
   MEMBER(classification) /* tc_classification */                                                                      \
   MEMBER(back_to_front)                                                                                               \
   MEMBER(shaded)                                                                                                      \
-  MEMBER(gradient)  /* tc_gradient */                                                                                 \
-  MEMBER(terminate) /* early ray termination */                                                                       \
-  MEMBER(leap)      /* empty-space skipping */                                                                        \
+  MEMBER(gradient) /* tc_gradient */                                                                                  \
+  MEMBER(leap)     /* empty-space skipping */                                                                         \
   MEMBER(labels)                                                                                                      \
   MEMBER(several) /* rays per pixel (subpixel_tmpl.h) */                                                              \
   MEMBER(jitter)                                                                                                      \

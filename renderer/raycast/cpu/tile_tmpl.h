@@ -50,7 +50,6 @@ V_INLINE variant wanted_variant(const tc_plan_key *key) {
                    .back_to_front = key->order == TC_BACK_TO_FRONT,
                    .shaded = key->shading != TC_SHADING_NONE,
                    .gradient = key->gradient,
-                   .terminate = key->termination,
                    .leap = key->skipping,
                    .labels = key->labels,
                    .several = key->rays,

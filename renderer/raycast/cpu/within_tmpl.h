@@ -52,7 +52,7 @@ V_INLINE vf4 cast_rays(const tc_cpu_args *args, variant v, const place *at, skip
 
 #define ROWS(ROW)                                                                                                     \
   ROW(dvr_within, .type = BY_KEY, .filter = BY_KEY, .classification = BY_KEY, .back_to_front = BY_KEY,                \
-      .shaded = BY_KEY, .gradient = BY_KEY, .terminate = BY_KEY, .leap = BY_KEY, .labels = BY_KEY,                    \
+      .shaded = BY_KEY, .gradient = BY_KEY, .leap = BY_KEY, .labels = BY_KEY,                                         \
       .several = BY_KEY, .jitter = BY_KEY, .subtables = BY_KEY)                                                          \
   ROW(mip_within, .mode = TC_MODE_MIP, .type = BY_KEY, .filter = BY_KEY, .leap = BY_KEY, .labels = BY_KEY,            \
       .several = BY_KEY)
