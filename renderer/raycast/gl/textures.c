@@ -9,7 +9,7 @@
 
 /* Uploads are split into pieces of this size, so that a driver's staging copy stays small. */
 #define UPLOAD_BYTES ((size_t)32 << 20)
-#define POLL_BYTES ((size_t)4 << 20) /* of lookups, uploaded between two polls of the halt */
+#define POLL_BYTES ((size_t)1 << 20) /* of lookups, uploaded between two polls of the halt */
 
 typedef struct texel_format {
   GLenum internal, layout, type;
