@@ -68,6 +68,7 @@ TEST(observed_orders) {
     g_autofree float *want = test_reference(volume, &scene, 0);
     scene.classification = way;
     EACH_RENDERER(r) {
+      if (i % 2 && r != test_widest()) continue; /* the second field tests the method, not its implementations */
       double order = order_of(r, volume, &scene, want);
       if (!(fabs(order - wanted[i / 2].order) <= 0.15)) fail_msg("%s, %s: order %g", names[way], test_names[r], order);
     }
