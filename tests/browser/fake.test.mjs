@@ -1,8 +1,9 @@
-// The page in a real browser against the fake server: everything that works everywhere, and the panels.
+// The page in a real browser against the fake server: the panels, and what works everywhere where no daemon was built to show it.
 import assert from 'node:assert/strict';
 import { describe, test } from 'node:test';
 
 import { browserMissing } from './chromium.mjs';
+import { daemonMissing } from './daemon.mjs';
 import { drag, settled, stageBox, stageData } from './picture.mjs';
 import { EVERYWHERE, open, scene, serveFake } from './scenarios.mjs';
 
@@ -14,7 +15,7 @@ describe('page and fake server', { skip }, () => {
   let url;
   serveFake((made) => ({ browser, server, url } = made));
 
-  for (const [name, scenario] of Object.entries(EVERYWHERE)) test(name, () => scenario(browser, url));
+  if (daemonMissing()) for (const [name, scenario] of Object.entries(EVERYWHERE)) test(name, () => scenario(browser, url));
 
   test('labels are chosen, shown, hidden and coloured from their panel, by keyboard too', async () => {
     const { page } = await open(browser, url);
