@@ -162,7 +162,7 @@ static void fill_zones(tc_cpu_args *a, const tc_table_params *params) {
 
 static void fill_args(tc_cpu_args *a, const tc_frame_job *job) {
   *a = (tc_cpu_args){.key = job->key, .grid = grid_of(job->volume), .halt = job->halt,
-                     .termination = job->key.termination ? (float)job->scene->sampling.termination : 0};
+                     .termination = (float)job->scene->sampling.termination};
   tc_rays_round(&a->rays, job->rays);
   if (job->have.labels) fill_labels(&a->labels, job);
   if (tc_is_projection((tc_mode)job->key.mode)) fill_projection(a, job);

@@ -31,7 +31,7 @@ enum { SIDE = 48, NODES = 16, PIXELS = 16, ROUNDS = 5 };
 
 /* A small dvr frame of 8-bit voxels, seen obliquely, under an empty table. spacing: of the rays, about half a voxel at 1. */
 static tc_cpu_args small_frame(const uint8_t *voxels, const float *table, float spacing) {
-  tc_cpu_args a = {.key = {.mode = TC_MODE_DVR, .voxel_type = TC_U8, .termination = 1},
+  tc_cpu_args a = {.key = {.mode = TC_MODE_DVR, .voxel_type = TC_U8},
                    .grid = {.voxels = voxels, .row = SIDE, .slice = SIDE * SIDE},
                    .nodes = {0, (NODES - 1) / 255.0f, NODES - 1},
                    .table = table + 4 * NODES * (NODES + 1), /* its row k = 0 */
