@@ -9,7 +9,8 @@
 
 /* Uploads are split into pieces of this size, so that a driver's staging copy stays small. */
 #define UPLOAD_BYTES ((size_t)32 << 20)
-#define POLL_BYTES ((size_t)1 << 20) /* of lookups, uploaded between two polls of the halt */
+#define POLL_BYTES ((size_t)1 << 20)   /* of lookups, uploaded between two polls of the halt */
+#define PINNED_BYTES ((size_t)4 << 20) /* larger lookups are backed by our own memory with software OpenGL */
 
 typedef struct texel_format {
   GLenum internal, layout, type;
@@ -218,7 +219,7 @@ typedef struct lookup_source {
 static void make_buffer(const tc_gl_textures *textures, tc_gl_lookup *copy) {
   const GLenum pinned = GL_EXTERNAL_VIRTUAL_MEMORY_BUFFER_AMD;
   glCreateBuffers(1, &copy->buffer);
-  if (textures->pins && copy->bytes > POLL_BYTES) {
+  if (textures->pins && copy->bytes > PINNED_BYTES) {
     void *memory = mmap(NULL, copy->bytes, PROT_READ | PROT_WRITE, MAP_PRIVATE | MAP_ANONYMOUS, -1, 0);
     if (memory == MAP_FAILED) memory = NULL;
     glBindBuffer(pinned, copy->buffer);
