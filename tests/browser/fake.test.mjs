@@ -1,4 +1,5 @@
-// The page in a real browser against the fake server: the panels, and what works everywhere where no daemon was built to show it.
+// The panels of the page in a real browser against the fake server. The scenarios of EVERYWHERE run here only if there is no
+// daemon; daemon.test.mjs runs them against the real one.
 import assert from 'node:assert/strict';
 import { describe, test } from 'node:test';
 

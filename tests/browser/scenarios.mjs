@@ -1,4 +1,4 @@
-// What must work against any server: run with the fake one and with the daemon.
+// What must work against any server: run with the daemon, or with the fake server if there is no daemon.
 import assert from 'node:assert/strict';
 import { after, afterEach, before, beforeEach } from 'node:test';
 
