@@ -1,7 +1,9 @@
-// One headless Chromium per test file, a fresh context per page. TC_CHROMIUM names another binary.
+// One headless Chromium per test file, a fresh context per page. TC_CHROMIUM names another binary. Debian's headless shell is
+// the same engine without the browser's own windows: it takes half the processor time to start and to open a page.
 import { existsSync } from 'node:fs';
 
-const BINARY = process.env.TC_CHROMIUM ?? '/usr/bin/chromium';
+const INSTALLED = ['/usr/bin/chromium-headless-shell', '/usr/bin/chromium'];
+const BINARY = process.env.TC_CHROMIUM ?? INSTALLED.find((path) => existsSync(path)) ?? INSTALLED[0];
 const FLAGS = [
   '--no-sandbox',
   '--disable-gpu',
