@@ -7,7 +7,7 @@
 #include "tests/support/judge.h"
 
 /* Every how many cases of a row a way draws, other ones in other ways: all with TC_LONG. */
-enum { SPARSE = SANITIZED ? 13 : 5 };
+enum { SPARSE = SANITIZED ? 29 : 5 };
 static int stride(void) { return getenv("TC_LONG") ? 1 : SPARSE; }
 
 /* A plain scene over noise, which each case then bends. */

@@ -5,7 +5,7 @@
 #include "renderer/tomocast.h"
 #include "tests/support/renderers.h"
 
-enum { WIDE = 300, PIXELS = WIDE * WIDE };
+enum { WIDE = SANITIZED ? 160 : 300, PIXELS = WIDE * WIDE };
 static tc_volume *waves(void) {
   return test_volume(&(test_grid){.dims = {60, 52, 56}, .type = TC_U8, .slope = 0.004, .spacing = {1, 1.3, 0.8},
                                   .origin = {-1000, 300, 50}}, test_waves, &(double){24});

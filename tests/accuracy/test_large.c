@@ -154,6 +154,7 @@ TEST(structures) {
   for (int l = 0; l < N_LOOKS; l++) {
     const tc_mode mode = looks[l].mode;
     bool first_of_mode = l == 0 || looks[l - 1].mode != mode;
+    if (SANITIZED && mode != TC_MODE_DVR) continue; /* each mode reads all voxels again */
     if (first_of_mode && (mode == TC_MODE_DVR || mode == TC_MODE_MIP || mode == TC_MODE_ISOSURFACE))
       compare(test_widest(), &looks[l], large, corner, TC_SKIPPING_AUTO);
   }

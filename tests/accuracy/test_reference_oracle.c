@@ -147,7 +147,7 @@ static void against_oracle(const char *what, tc_volume *volume, tc_scene *scene,
   unsigned long steps;
   one_ray(volume, scene, from, to, 0, rgba);
   oracle_set_up(&o, volume, scene, from, to);
-  oracle_integrate(&o, 2e-5L, want, &steps);
+  oracle_integrate(&o, 4e-5L, want, &steps);
   for (int c = 0; c < 4; c++) worst = fmax(worst, bad(rgba[c], (double)want[c]));
   char line[128];
   snprintf(line, sizeof line, "%s: alpha %.6f, %lu steps", what, rgba[3], steps);

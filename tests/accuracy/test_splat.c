@@ -585,7 +585,7 @@ TEST(paused_pictures_end_the_same) {
 
 /* As a whole: what is read is built, and the picture drawn, in as many pieces as a caller likes. */
 TEST(frames_are_made_in_pieces) {
-  const int side = SANITIZED ? 80 : 160;
+  const int side = SANITIZED ? 64 : 100;
   const test_grid large = {.dims = {side, side, side}, .type = TC_U8};
   const unsigned seed = 7;
   g_autoptr(tc_volume) volume = test_volume(&large, test_noise, &seed); /* values 0 and 1, each half of the voxels */

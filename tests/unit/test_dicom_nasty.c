@@ -269,7 +269,7 @@ static const struct {
 TEST(nasty_series) {
   int series = 0;
   for (size_t k = 0; k < G_N_ELEMENTS(kinds); k++)
-    for (int variant = 0; variant < kinds[k].variants; variant++) {
+    for (int variant = 0; variant < kinds[k].variants; variant += STRIDE(2)) {
       nasty c = start(variant + (int)k);
       char what[64];
       snprintf(what, sizeof what, "%s, variant %d", kinds[k].what, variant);
