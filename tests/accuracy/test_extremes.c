@@ -273,7 +273,7 @@ TEST(opacity_grows) {
                            {.value = 0.8, .color = {1, 0.5, 0}, .amount = 0.3}, {.value = 0.9, .amount = 1e4}};
   double worst = 0, end[2], lo[3], hi[3];
   tc_volume_index_box(volume, lo, hi);
-  for (int way = 0; way < 2 * FILTERS * TC_CLASSIFICATION_COUNT; way++) {
+  for (int way = 0; way < 2 * FILTERS * TC_CLASSIFICATION_COUNT; way += STRIDE(3)) {
     if (way % 2 && way / 2 % FILTERS != TC_FILTER_LINEAR) continue; /* back to front, one filter is enough */
     test_case c = {0};
     tc_scene *s = &c.scene;
