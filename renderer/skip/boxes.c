@@ -2,6 +2,7 @@
 
 #include <emmintrin.h>
 #include <limits.h>
+#include <stdint.h>
 #include <stdlib.h>
 #include <string.h>
 
@@ -24,6 +25,7 @@ typedef struct found {
 typedef struct tc_boxing {
   const tc_fine *fine; /* borrowed during a call */
   tc_fine_ranges ranges;
+  __m128i from[TC_FINE_RANGES], to[TC_FINE_RANGES]; /* their bounds, sixteen times */
   int n[3];         /* records along each axis */
   bool *full;       /* records without any empty fine box */
   size_t row_bytes; /* of a row of bits */
@@ -52,28 +54,36 @@ static int least(int a, int b) { return a < b ? a : b; }
 /* Sets a bit for each fine box of a row that is occupied (in no empty range). */
 static void read_bits(const boxes_job *job, int y, int z, uint8_t *bits) {
   const tc_fine *f = job->fine;
-  const int *n = f->grid.blocks;
-  const size_t at = ((size_t)z * (size_t)n[1] + (size_t)y) * (size_t)n[0];
-  for (int x = 0; x < n[0]; x += 16) {
-    const __m128i lo = _mm_loadu_si128((const __m128i *)(const void *)(f->least + at + x));
-    const __m128i hi = _mm_loadu_si128((const __m128i *)(const void *)(f->most + at + x));
+  const int n = f->grid.blocks[0], ranges = job->ranges.count;
+  const size_t at = ((size_t)z * (size_t)f->grid.blocks[1] + (size_t)y) * (size_t)n;
+  const uint8_t *minima = f->least + at, *maxima = f->most + at;
+  /* Rows are too short for the processor's own prefetcher. */
+  const uintptr_t ahead = 2 * FINES * (uintptr_t)n; /* of the next two records */
+  for (int x = 0; x < n; x += 64) {
+    __builtin_prefetch((const void *)((uintptr_t)(minima + x) + ahead));
+    __builtin_prefetch((const void *)((uintptr_t)(maxima + x) + ahead));
+  }
+  for (int x = 0; x < n; x += 16) {
+    const __m128i lo = _mm_loadu_si128((const __m128i *)(const void *)(minima + x));
+    const __m128i hi = _mm_loadu_si128((const __m128i *)(const void *)(maxima + x));
     __m128i empty = _mm_setzero_si128();
-    for (int r = 0; r < job->ranges.count; r++) {
-      const __m128i from = _mm_set1_epi8((char)job->ranges.first[r]), to = _mm_set1_epi8((char)job->ranges.last[r]);
-      empty = _mm_or_si128(empty, _mm_and_si128(_mm_cmpeq_epi8(_mm_max_epu8(lo, from), lo),
-                                                _mm_cmpeq_epi8(_mm_min_epu8(hi, to), hi)));
+    for (int r = 0; r < ranges; r++) {
+      const __m128i inside = _mm_and_si128(_mm_cmpeq_epi8(_mm_max_epu8(lo, job->from[r]), lo),
+                                           _mm_cmpeq_epi8(_mm_min_epu8(hi, job->to[r]), hi));
+      empty = _mm_or_si128(empty, inside);
     }
-    int some = ~_mm_movemask_epi8(empty);
-    if (x + 16 > n[0]) some &= (1 << (n[0] - x)) - 1;
-    bits[x / 8] = (uint8_t)some, bits[x / 8 + 1] = (uint8_t)(some >> 8);
+    uint16_t some = (uint16_t)~_mm_movemask_epi8(empty);
+    if (x + 16 > n) some &= (uint16_t)((1 << (n - x)) - 1);
+    memcpy(bits + x / 8, &some, sizeof some);
   }
 }
 
-/* Emits the records of a row. Full ones are only marked, because they may be merged. */
-static void cut_row(boxes_job *job, int y, int z, found *out) {
+/* Emits the records of a row. Full ones are only marked, because they may be merged. Returns whether there are any. */
+static bool cut_row(boxes_job *job, int y, int z, found *out) {
   const int *n = job->fine->grid.blocks, w = job->fine->grid.block;
   bool *full = job->full + ((size_t)z * (size_t)job->n[1] + (size_t)y) * (size_t)job->n[0];
   int place[FINES * FINES], rows = 0;
+  bool marked = false;
   for (int k = 0; k < FINES * FINES; k++) {
     if (FINES * y + k % FINES >= n[1] || FINES * z + k / FINES >= n[2]) continue;
     read_bits(job, FINES * y + k % FINES, FINES * z + k / FINES, out->bits + (size_t)rows * job->row_bytes);
@@ -93,6 +103,7 @@ static void cut_row(boxes_job *job, int y, int z, found *out) {
     any = (any | any >> 1 | any >> 2) & there;
     all = all & all >> 1 & all >> 2 & any;
     out->empty += (size_t)(records - __builtin_popcountll(any));
+    marked = marked || all;
     for (uint64_t rest = all; rest; rest &= rest - 1) full[x0 + __builtin_ctzll(rest) / FINES] = true;
     for (uint64_t rest = any & ~all; rest; rest &= rest - 1) {
       const int bit = __builtin_ctzll(rest), at[3] = {(x0 * FINES + bit) * w, FINES * y * w, FINES * z * w};
@@ -101,34 +112,43 @@ static void cut_row(boxes_job *job, int y, int z, found *out) {
       emit(out, at, FINES * w, fine);
     }
   }
+  return marked;
 }
 
-static size_t record_index(const boxes_job *job, int x, int y, int z) {
-  return ((size_t)z * (size_t)job->n[1] + (size_t)y) * (size_t)job->n[0] + (size_t)x;
+/* Emits the full records of the rows from y[0] to before y[1] in the layers from z[0] to before z[1], at most two each. Eight
+ * around a corner merge into one box. */
+static void merge_rows(const boxes_job *job, const int y[2], const int z[2], found *out) {
+  const int size = FINES * job->fine->grid.block;
+  for (int x0 = 0; x0 < job->n[0]; x0 += 2) {
+    int count = 0, corner[8][3];
+    for (int layer = z[0]; layer < z[1]; layer++)
+      for (int row = y[0]; row < y[1]; row++) {
+        const bool *full = job->full + ((size_t)layer * (size_t)job->n[1] + (size_t)row) * (size_t)job->n[0];
+        for (int x = x0; x < least(x0 + 2, job->n[0]); x++) {
+          if (!full[x]) continue;
+          corner[count][0] = x * size, corner[count][1] = row * size, corner[count++][2] = layer * size;
+        }
+      }
+    if (count == 8)
+      emit(out, corner[0], 2 * size, 0);
+    else
+      for (int c = 0; c < count; c++) emit(out, corner[c], size, 0);
+  }
 }
 
-/* Processes a strip of two layers of records. Eight full records around a corner merge into one box. */
+/* Processes a strip of two layers of records. */
 static void boxes_task(void *context, int index, int worker) {
   boxes_job *job = context;
   found *out = &job->workers[worker];
-  const int size = FINES * job->fine->grid.block;
-  int z0 = index / job->strips * 2, z1 = least(z0 + 2, job->n[2]);
-  int first = index % job->strips * job->rows, end = least(first + job->rows, job->n[1]);
-  for (int z = z0; z < z1; z++)
-    for (int y = first; y < end; y++) cut_row(job, y, z, out);
-  for (int y0 = first; y0 < end; y0 += 2)
-    for (int x0 = 0; x0 < job->n[0]; x0 += 2) {
-      int count = 0, corner[8][3];
-      for (int c = 0; c < 8; c++) {
-        int x = x0 + (c & 1), y = y0 + (c >> 1 & 1), z = z0 + (c >> 2);
-        if (x >= job->n[0] || y >= job->n[1] || z >= z1 || !job->full[record_index(job, x, y, z)]) continue;
-        corner[count][0] = x * size, corner[count][1] = y * size, corner[count++][2] = z * size;
-      }
-      if (count == 8)
-        emit(out, corner[0], 2 * size, 0);
-      else
-        for (int c = 0; c < count; c++) emit(out, corner[c], size, 0);
-    }
+  const int z0 = index / job->strips * 2, z[2] = {z0, least(z0 + 2, job->n[2])};
+  const int first = index % job->strips * job->rows, end = least(first + job->rows, job->n[1]);
+  for (int y0 = first; y0 < end; y0 += 2) {
+    const int y[2] = {y0, least(y0 + 2, end)};
+    bool marked = false;
+    for (int layer = z[0]; layer < z[1]; layer++)
+      for (int row = y[0]; row < y[1]; row++) marked |= cut_row(job, row, layer, out);
+    if (marked) merge_rows(job, y, z, out);
+  }
 }
 
 static size_t record_count(const boxes_job *job) { return (size_t)job->n[0] * (size_t)job->n[1] * (size_t)job->n[2]; }
@@ -205,6 +225,10 @@ tc_boxes *tc_boxes_begin(const tc_fine *fine, const tc_support *support, tc_pool
   if (!tc_fine_find_ranges(fine, support, &job->ranges, error)) {
     tc_boxes_free(boxes);
     return NULL;
+  }
+  for (int r = 0; r < job->ranges.count; r++) {
+    job->from[r] = _mm_set1_epi8((char)job->ranges.first[r]);
+    job->to[r] = _mm_set1_epi8((char)job->ranges.last[r]);
   }
   const int64_t two_rows = 4 * FINES * FINES * (int64_t)fine->grid.blocks[0];
   job->rows = 2 * (int)(1 + TASK_FINES / two_rows);
