@@ -8,6 +8,8 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "renderer/base/reserve.h"
+
 #define CHUNK 8192 /* triangles of a task, or vertices */
 #define MOST_CUTS (CHUNK / (TC_CLUSTER_VERTICES / 3) + 1)
 #define LANES TC_CLUSTER_PAD /* numbers that are added up or compared side by side, so that vectors do it */
@@ -344,11 +346,11 @@ static bool allocate(builder *b, GError **error) {
     return false;
   }
   const size_t over = TC_CLUSTER_PAD; /* kernels read whole vectors and words at the end */
-  o->clusters = tc_mesh_reserve(o->n, sizeof *o->clusters);
-  o->positions = tc_mesh_reserve(o->vertex_room + over, 3 * sizeof *o->positions);
-  o->normals = b->mesh->normals ? tc_mesh_reserve(o->vertex_room + over, sizeof *o->normals) : NULL;
-  o->colors = b->mesh->colors ? tc_mesh_reserve(o->vertex_room + over, sizeof *o->colors) : NULL;
-  o->triangles = tc_mesh_reserve(o->triangle_room + over, 3);
+  o->clusters = tc_reserve(o->n, sizeof *o->clusters);
+  o->positions = tc_reserve(o->vertex_room + over, 3 * sizeof *o->positions);
+  o->normals = b->mesh->normals ? tc_reserve(o->vertex_room + over, sizeof *o->normals) : NULL;
+  o->colors = b->mesh->colors ? tc_reserve(o->vertex_room + over, sizeof *o->colors) : NULL;
+  o->triangles = tc_reserve(o->triangle_room + over, 3);
   if (!o->clusters || !o->positions || (b->mesh->normals && !o->normals) ||
       (b->mesh->colors && !o->colors) || !o->triangles) return tc_clusters_no_memory(error);
   memset(o->triangles + 3 * o->triangle_room, 0, 3 * over);
@@ -377,7 +379,7 @@ static bool build(builder *b, GError **error) {
   b->out->n_triangles = b->n;
   b->n_chunks = chunks_of(b->n);
   b->chunks = calloc((size_t)b->n_chunks + 1, sizeof *b->chunks);
-  b->numbers = tc_mesh_reserve(b->n, sizeof *b->numbers);
+  b->numbers = tc_reserve(b->n, sizeof *b->numbers);
   b->first_cluster = malloc(3 * ((size_t)b->n_chunks + 1) * sizeof *b->first_cluster);
   if (!b->chunks || !b->numbers || !b->first_cluster) return tc_clusters_no_memory(error);
   b->first_vertex = b->first_cluster + b->n_chunks;

@@ -4,6 +4,7 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "renderer/base/reserve.h"
 #include "renderer/mesh/clusters_join.h"
 #include "renderer/mesh/measure.h"
 
@@ -140,9 +141,9 @@ static bool sort(sorting *s, GError **error) {
   const size_t n = s->mesh->n_triangles;
   s->n_chunks = (int)((n + CHUNK - 1) / CHUNK);
   s->chunks = calloc((size_t)s->n_chunks + 1, sizeof *s->chunks);
-  s->from = tc_mesh_reserve(n, sizeof *s->from);
-  s->to = tc_mesh_reserve(n, sizeof *s->to);
-  s->out = tc_mesh_reserve(n, sizeof *s->out);
+  s->from = tc_reserve(n, sizeof *s->from);
+  s->to = tc_reserve(n, sizeof *s->to);
+  s->out = tc_reserve(n, sizeof *s->out);
   if (!s->chunks || !s->from || !s->to || !s->out) return tc_clusters_no_memory(error);
   if (!tc_pool_run(s->pool, s->n_chunks, key_chunk, s) || !sort_keys(s)) return tc_halt_say(tc_pool_halt(s->pool), error);
   for (int c = 0; c < s->n_chunks; c++) s->kept += s->chunks[c].kept;

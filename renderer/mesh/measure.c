@@ -4,6 +4,8 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "renderer/base/reserve.h"
+
 void tc_mesh_measure(tc_mesh *m, tc_mesh_measures *measures) {
   uint64_t border = 0;
   float low[3], high[3];
@@ -46,7 +48,7 @@ static void make_unit(float n[3]) {
 
 float (*tc_mesh_normals_of(const tc_mesh *m, bool (*goes_on)(void *user), void *user, GError **error))[3] {
   enum { PORTION = 1 << 16 };
-  float (*normals)[3] = tc_mesh_reserve(m->n_vertices, sizeof *normals);
+  float (*normals)[3] = tc_reserve(m->n_vertices, sizeof *normals);
   if (!normals) tc_set_error(error, TC_ERROR_MEMORY, NULL, "normals of %zu vertices: out of memory", m->n_vertices);
   for (size_t i = 0; normals && i < 2 * m->n_vertices + m->n_triangles; i++) {
     const size_t t = i - m->n_vertices, v = t - m->n_triangles; /* meaningless before their turn */

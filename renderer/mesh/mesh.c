@@ -2,18 +2,11 @@
 
 #include <stdlib.h>
 #include <string.h>
-#include <sys/mman.h>
+
+#include "renderer/base/reserve.h"
 
 uint64_t tc_mesh_bytes(size_t n_vertices, size_t n_triangles, bool normals) {
   return (uint64_t)n_vertices * (normals ? 6 : 3) * sizeof(float) + (uint64_t)n_triangles * 3 * sizeof(uint32_t);
-}
-
-void *tc_mesh_reserve(size_t n, size_t size) {
-  const size_t page = (size_t)2 << 20, bytes = (n + 1) * size;
-  if (bytes < page) return malloc(bytes);
-  void *p = aligned_alloc(page, (bytes + page - 1) & ~(page - 1));
-  if (p) madvise(p, bytes & ~(page - 1), MADV_HUGEPAGE);
-  return p;
 }
 
 tc_mesh *tc_mesh_new(size_t n_vertices, size_t n_triangles, bool normals, GError **error) {
@@ -28,9 +21,9 @@ tc_mesh *tc_mesh_new(size_t n_vertices, size_t n_triangles, bool normals, GError
     m->references = 1;
     m->n_vertices = n_vertices, m->n_triangles = n_triangles;
     m->bytes = (size_t)tc_mesh_bytes(n_vertices, n_triangles, normals);
-    m->positions = tc_mesh_reserve(n_vertices, sizeof *m->positions);
-    m->normals = normals ? tc_mesh_reserve(n_vertices, sizeof *m->normals) : NULL;
-    m->triangles = tc_mesh_reserve(n_triangles, sizeof *m->triangles);
+    m->positions = tc_reserve(n_vertices, sizeof *m->positions);
+    m->normals = normals ? tc_reserve(n_vertices, sizeof *m->normals) : NULL;
+    m->triangles = tc_reserve(n_triangles, sizeof *m->triangles);
     if (m->positions && (m->normals || !normals) && m->triangles) return m;
   }
   tc_mesh_free(m);
@@ -39,7 +32,7 @@ tc_mesh *tc_mesh_new(size_t n_vertices, size_t n_triangles, bool normals, GError
 }
 
 bool tc_mesh_add_colors(tc_mesh *m, GError **error) {
-  m->colors = tc_mesh_reserve(m->n_vertices, sizeof *m->colors);
+  m->colors = tc_reserve(m->n_vertices, sizeof *m->colors);
   if (!m->colors) {
     tc_set_error(error, TC_ERROR_MEMORY, NULL, "colours of %zu vertices: out of memory", m->n_vertices);
     return false;

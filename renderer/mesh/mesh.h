@@ -41,10 +41,6 @@ bool tc_mesh_drop_unused(tc_mesh *mesh, GError **error);
 tc_mesh *tc_mesh_ref(tc_mesh *mesh);
 void tc_mesh_free(tc_mesh *mesh); /* drops a reference; NULL is fine */
 
-/* Allocates n + 1 items, in huge pages where the system has them (page faults of small pages cost a tenth of an extraction).
- * NULL: no memory; freed by free(). */
-void *tc_mesh_reserve(size_t n, size_t size);
-
 /* Bytes of a mesh of this size without colours; colours take TC_MESH_COLOR_BYTES a vertex. */
 enum { TC_MESH_COLOR_BYTES = 4 };
 uint64_t tc_mesh_bytes(size_t n_vertices, size_t n_triangles, bool normals);

@@ -3,6 +3,7 @@
 #include <stdlib.h>
 
 #include "renderer/base/clock.h"
+#include "renderer/base/reserve.h"
 #include "renderer/skip/empty_ranges.h"
 #include "renderer/skip/minmax_rows.h"
 #include "renderer/volume/voxel.h"
@@ -57,7 +58,7 @@ static bool reserve(tc_fine *f, const tc_volume *volume, int block, size_t most_
   while (2 * plane > most_bytes && f->grid.block < MOST_WIDTH)
     plane = tc_minmax_blocks(volume, ++f->grid.block, f->grid.blocks) + TC_FINE_PAD;
   f->bytes = 2 * plane + (size_t)f->levels;
-  f->least = malloc(f->bytes);
+  f->least = tc_reserve(f->bytes, 1);
   if (!f->least) return false;
   f->most = f->least + plane;
   f->bins = f->most + plane;
