@@ -5,8 +5,9 @@
 #include <stdlib.h>
 #include <sys/mman.h>
 
-/* Allocates n + 1 items of `size` bytes, not cleared, in huge pages where the system has them: page faults of small pages cost a
- * tenth of a mesh's extraction. NULL: no memory; freed by free(). */
+/* Allocates n items of `size` bytes and one more, so that no array is empty; not cleared; in huge pages where the system has them,
+ * because page faults of small pages take a tenth of a mesh's extraction. NULL: no memory. The caller frees with free(). Any
+ * thread. */
 static inline void *tc_reserve(size_t n, size_t size) {
   const size_t page = (size_t)2 << 20, bytes = (n + 1) * size;
   if (bytes < page) return malloc(bytes);

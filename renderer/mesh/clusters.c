@@ -1,5 +1,6 @@
 /* Builds the clusters of a mesh (clusters.h): cuts along the order of the triangles, and the clusters' arrays. Every pass is split
  * into chunks for any thread; the result depends neither on the number of threads nor on the order of chunks. */
+#include "renderer/base/reserve.h"
 #include "renderer/mesh/clusters_join.h"
 #include "renderer/mesh/clusters_sort.h"
 #include "renderer/mesh/measure.h"
@@ -7,8 +8,6 @@
 #include <math.h>
 #include <stdlib.h>
 #include <string.h>
-
-#include "renderer/base/reserve.h"
 
 #define CHUNK 8192 /* triangles of a task, or vertices */
 #define MOST_CUTS (CHUNK / (TC_CLUSTER_VERTICES / 3) + 1)
