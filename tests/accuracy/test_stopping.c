@@ -179,7 +179,7 @@ TEST(long_lists_are_heard) {
       {"integrals, in one place", 65536, TC_POST, 1, false}};
   g_autofree tc_knot *knots = g_new(tc_knot, TC_MAX_KNOTS);
   subject s = {.volume = ramp_of(TC_U16, 32)};
-  for (size_t l = 0; l < 2 * G_N_ELEMENTS(lists); l += STRIDE(5)) {
+  for (size_t l = 0; l < 2 * G_N_ELEMENTS(lists); l += STRIDE(3)) {
     const long_list *list = &lists[l / 2];
     tc_scene *scene = &s.drawn.scene;
     double ms = INFINITY;
