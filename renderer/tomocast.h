@@ -128,6 +128,7 @@ typedef struct tc_render_request {
                                  until tc_render() returns. NULL if no surface names a mesh */
   bool hurry;                 /* do not wait for the gl back end to compile a program or upload a large volume: the cpu
                                  back end draws this frame, equal within 1/255 (stats.stand_in) */
+  bool prepare;               /* build what the frame reads, and draw nothing: its pixels are undefined */
   bool moving;                /* the user is changing the scene: surfaces may lose details smaller than a pixel, tables have
                                  at most 256 nodes a side */
   int coarser_levels;         /* of a moving scene: or than so many pixels, where that makes frames faster; 0 = 1 */

@@ -323,6 +323,7 @@ static bool render_frame(drawing *d, const tc_render_request *request, GError **
   if (!choose_drawer(d, d->job.halt->interrupt && !begun, error)) return false;
   d->wanted.maps_distance = d->ops->maps_distance;
   if (!collect(d, error)) return false;
+  if (request->prepare) return true;
   if (d->job.have.mesh) tc_frame_of_mesh(d->job.frame, d->job.have.mesh->refined);
   tc_rays rays;
   tc_rays_set_up(&rays, d->job.source, d->job.scene, d->plan.width, d->plan.height);

@@ -18,6 +18,7 @@ static const char *const state_names[TCS_VOLUME_STATE_COUNT] = {"loading", "resi
 static void free_entry(void *item) {
   tcs_entry *entry = item;
   if (entry->load) tcs_load_leave(entry->load);
+  tcs_preparation_end(entry);
   tcs_series_unref(entry->series);
   tc_volume_unref(entry->volume);
   tc_volume_unref(entry->body);
@@ -170,6 +171,7 @@ void tcs_catalogue_cancel_all(tcs_catalogue *catalogue) {
   while (g_hash_table_iter_next(&iterator, &value, NULL)) {
     tcs_entry *entry = value;
     if (entry->load) atomic_store(&entry->load->cancel, true);
+    tcs_preparation_end(entry);
   }
 }
 

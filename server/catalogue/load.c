@@ -153,6 +153,7 @@ static void keep(tcs_load *load) {
   entry->state = TCS_RESIDENT;
   entry->used_us = g_get_monotonic_time();
   row_of(load)->keep(load, entry);
+  if (entry->volume) tcs_preparation_begin(load->catalogue, entry);
 }
 
 static void fail(tcs_load *load) {
@@ -306,6 +307,7 @@ uint64_t tcs_entry_bytes(const tcs_entry *entry) {
 
 void tcs_entry_release(tcs_catalogue *catalogue, tcs_entry *entry) {
   if (!entry->volume && !entry->mesh) return;
+  tcs_preparation_end(entry);
   g_clear_pointer(&entry->thumbnail, g_bytes_unref);
   pin(&entry->held);
   pin(&entry->held_body);

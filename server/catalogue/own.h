@@ -94,6 +94,11 @@ bool tcs_room_possible(tcs_catalogue *catalogue, uint64_t bytes);
 uint64_t tcs_room_of(uint64_t voxel_bytes);
 
 uint64_t tcs_volume_bytes(const tc_volume *volume); /* with its mask of missing values and its colours */
+/* Builds what pictures of the resident volume's default scene read, while nothing is drawn, so that the first picture
+ * need not wait for it. */
+void tcs_preparation_begin(tcs_catalogue *catalogue, tcs_entry *entry);
+void tcs_preparation_end(tcs_entry *entry); /* cancels it; none queued is fine */
+
 /* Bytes of a resident volume and its body, or of a mesh. */
 uint64_t tcs_entry_bytes(const tcs_entry *entry);
 /* Drops the entry's volume or mesh; the memory is released with the last user's reference. */

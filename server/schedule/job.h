@@ -28,6 +28,7 @@ struct tcs_job {
   tcs_server *server;
   bool plan_only;                 /* explain the plan, draw nothing */
   bool pick_only;                 /* pick at pixel pick.at (mode mesh), draw nothing */
+  bool prepare_only;              /* build what the picture reads, draw nothing; a failure is not reported */
   tc_volume *volume;              /* owned reference */
   tc_volume *labels;              /* owned reference, or NULL */
   struct tc_mesh **meshes;        /* [scene.mesh.n_surfaces] owned references or NULLs; NULL: no meshes */
@@ -87,7 +88,9 @@ void tcs_meshes_free(struct tc_mesh **meshes, size_t n); /* an array like tcs_jo
 /* Whether a slice has run, so that the job holds a frame. */
 bool tcs_job_begun(const tcs_job *job);
 
-/* Whether the result is data instead of a picture. */
-static inline bool tcs_job_draws_nothing(const tcs_job *job) { return job->plan_only || job->pick_only; }
+/* Whether the result is no picture. */
+static inline bool tcs_job_draws_nothing(const tcs_job *job) {
+  return job->plan_only || job->pick_only || job->prepare_only;
+}
 
 #endif

@@ -8,7 +8,7 @@ static uint64_t frame_need(const tcs_job *job) {
   const int width = job->width ? job->width : job->scene.image.width;
   const int height = job->height ? job->height : job->scene.image.height;
   const uint64_t drawn = tc_frame_need(&job->scene, width, height, job->meter_pixels > 0);
-  if (tcs_job_draws_nothing(job)) return tc_frame_bytes(&job->frame);
+  if (job->plan_only || job->pick_only) return tc_frame_bytes(&job->frame);
   return MAX(drawn, tc_frame_bytes(&job->frame)) + (uint64_t)width * (uint64_t)height * ENCODING_BYTES;
 }
 

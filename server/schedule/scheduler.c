@@ -33,6 +33,10 @@ G_STATIC_ASSERT(TCS_METRICS_CLASSES == TCS_CLASS_COUNT);
 #define THREAD_MS_PER_SAMPLE 2e-6
 /* Attempts to free memory for one picture; most know their need at the first one. */
 #define MOST_ASKED 4
+/* The peer of preparations; other peers are addresses. */
+#define PREPARER "preparer"
+/* Share of the renderer's cache up to which preparations begin. */
+#define PREPARED_SHARE 0.5
 #define MOST_SPARE_PIXELS ((size_t)4 << 20)
 
 /* Interactive frames have their own encoder, so that they do not queue behind a large PNG. */
@@ -148,7 +152,7 @@ double tcs_scheduler_moving_ms(const tcs_scheduler *scheduler) {
 static lane lane_of(const tcs_job *job) { return job->class == TCS_CLASS_INTERACTIVE ? LANE_MOVING : LANE_STILL; }
 
 static void finish(tcs_job *job) {
-  if (job->error && !g_error_matches(job->error, TC_ERROR, TC_ERROR_CANCELLED)) {
+  if (job->error && !job->prepare_only && !g_error_matches(job->error, TC_ERROR, TC_ERROR_CANCELLED)) {
     job->server->metrics->render_failures++;
     tcs_log(TCS_LOG_WARN, "render.failed", "code=%d", job->error->code);
   }
@@ -319,7 +323,20 @@ bool tcs_scheduler_submit(tcs_scheduler *scheduler, tcs_job *job, GError **error
   return true;
 }
 
+void tcs_scheduler_prepare(tcs_scheduler *scheduler, tcs_job *job) {
+  job->prepare_only = true;
+  job->class = TCS_CLASS_REFINE;
+  tcs_client_push(singles_of(scheduler, PREPARER), job);
+  count_in_line(scheduler, job, 1);
+  tcs_scheduler_pump(scheduler);
+}
+
 /* ---- slices ---- */
+
+static bool has_much_cached(const tcs_job *job) {
+  const double most = PREPARED_SHARE * (double)job->server->config->limits.cache_bytes;
+  return (double)tc_renderer_cached(job->server->scheduler->renderer) > most;
+}
 
 static void run_slice(tcs_task *task) {
   tcs_job *job = (tcs_job *)task;
@@ -328,9 +345,13 @@ static void run_slice(tcs_task *task) {
     set_cancelled(job);
     return;
   }
+  if (job->prepare_only && has_much_cached(job)) {
+    set_cancelled(job);
+    return;
+  }
   const bool metered = job->meter_pixels > 0;
   const tc_render_request request = {
-      .width = job->width, .height = job->height, .interrupt = &job->interrupt, .building = &job->building, .resume = job->slices > 1,
+      .width = job->width, .height = job->height, .interrupt = &job->interrupt, .building = &job->building, .resume = job->slices > 1, .prepare = job->prepare_only,
       .ledger = &job->drawing.ask, .labels = job->labels, .meshes = job->meshes, .want_linear = metered, .want_depth = metered && tc_meter_wants_depth(&job->scene), .hurry = job->hurry, .moving = job->moving, .coarser_levels = job->coarser_levels};
   if (job->plan_only) {
     tc_renderer_explain(renderer, job->volume, &job->scene, &request, &job->plan, &job->error);
@@ -342,7 +363,7 @@ static void run_slice(tcs_task *task) {
   }
   const bool made = tc_render(renderer, job->volume, &job->scene, &request, &job->frame, &job->error);
   job->stats = job->frame.stats;
-  if (!made) return;
+  if (!made || job->prepare_only) return;
   job->out_width = job->frame.width;
   job->out_height = job->frame.height;
   if (!job->meter_pixels) return;
@@ -399,7 +420,7 @@ static void put_back(tcs_scheduler *scheduler, tcs_job *job) {
 static bool try_again(tcs_scheduler *scheduler, tcs_job *job) {
   const uint64_t wanted = job->memory_wanted;
   job->memory_wanted = 0;
-  if (!wanted || job->asked == MOST_ASKED || !job->client) return false;
+  if (!wanted || job->prepare_only || job->asked == MOST_ASKED || !job->client) return false;
   drop_spare_frames(scheduler);
   return tcs_budget_ask(scheduler->server->budget, wanted << job->asked++, job->volume);
 }

@@ -62,6 +62,30 @@ TEST(resumed_is_uncut) {
   }
 }
 
+/* In parts as well, a preparation draws nothing, and the frame after it builds nothing; the picture is the same. */
+TEST(a_prepared_frame_builds_nothing) {
+  int prepared = 0;
+  for (uint64_t seed = 1; seed <= 60; seed += STRIDE(5)) {
+    subject s;
+    if (!subject_open(&s, seed * 7)) continue;
+    g_auto(tc_frame) unprepared = {0}, frame = {0};
+    if (tc_render(test_renderers[SCALAR], s.volume, &s.drawn.scene, &s.request, &unprepared, NULL)) {
+      const bool built = unprepared.stats.tables_ms + unprepared.stats.skip_ms > 0;
+      tc_renderer_forget(test_renderers[SCALAR], s.volume);
+      s.request.prepare = true;
+      draw_in_parts(SCALAR, &s, &frame);
+      assert_true(frame.stats.rays == 0 && frame.stats.samples == 0);
+      s.request.prepare = false;
+      assert_true(tc_render(test_renderers[SCALAR], s.volume, &s.drawn.scene, &s.request, &frame, NULL));
+      assert_true(frame.stats.tables_ms + frame.stats.skip_ms + frame.stats.coefficients_ms == 0);
+      same_pictures(&unprepared, &frame, &s, "prepared");
+      prepared += built;
+    }
+    subject_close(&s);
+  }
+  assert_true(prepared > 3);
+}
+
 /* A frame of another size, or one that was not paused, is begun anew. */
 TEST(only_what_was_paused_is_resumed) {
   subject s;

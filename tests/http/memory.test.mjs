@@ -332,3 +332,59 @@ test('in a control group several attacks at once stay within the budget and 10 %
   await d.stop();
   if (group) rmdirSync(group);
 });
+
+test('a resident volume is prepared, unless half of the cache is in use', async () => {
+  const d = await Daemon.start({ ball: false, config: `[limits]\ncache_bytes=${4 << 20}\n` });
+  const load = async (id, path, preparations) => {
+    await d.post('/v1/volumes', { id, path });
+    await d.resident(id);
+    const over = async (name) => d.metric(`${name}_total{class="refine"}`);
+    await until(async () => (await over('slices')) - (await over('pauses')) === preparations);
+    return (await used(d)).caches;
+  };
+  const took = async (volume) => {
+    const { status, headers } = await d.post('/v1/render', { volume });
+    assert.equal(status, 200);
+    const [, tables, skip] = /tables;dur=([\d.]+), skip;dur=([\d.]+)/.exec(headers.get('server-timing'));
+    return Number(tables) + Number(skip);
+  };
+  const filled = await load('head', 'demo:head', 1);
+  assert.ok(filled > 2 << 20, `${filled} bytes`);
+  assert.equal(await load('bucky', 'demo:bucky', 2), filled, 'the second one finds the cache full');
+  assert.equal(await took('head'), 0);
+  assert.ok((await took('bucky')) > 0);
+  await d.call('DELETE', '/v1/volumes/head');
+  await until(async () => (await used(d)).caches < filled);
+  assert.equal(await d.metric('render_failures_total'), 0);
+  await d.stop();
+});
+
+test('a volume removed while it is prepared leaves nothing behind', async () => {
+  const d = await Daemon.start({ ball: false });
+  for (let i = 0; i < 8; i++) {
+    await d.post('/v1/volumes', { id: 'head', path: 'demo:head' });
+    await d.resident('head');
+    await d.call('DELETE', '/v1/volumes/head');
+  }
+  await until(async () => {
+    const { volumes, pinned, caches } = await used(d);
+    return volumes === 0 && pinned === 0 && caches < 4 << 20; /* tables of the removed volumes remain */
+  });
+  await d.stop();
+});
+test('a preparation that lacks memory gives up: no volume is dropped for it, and it is no failure', async () => {
+  const bare = await Daemon.start({ ball: false });
+  const { program } = await used(bare);
+  await bare.stop();
+  const d = await Daemon.start({ ball: false, config: `[limits]\nmemory_bytes=${program + 54 * MB}\nvolume_bytes=${52 * MB}\n` });
+  for (const id of ['one', 'other']) {
+    const slices = await d.metric('slices_total{class="refine"}');
+    await d.post('/v1/volumes', { id, path: 'demo:head' });
+    await d.resident(id);
+    await until(async () => (await d.metric('slices_total{class="refine"}')) > slices);
+  }
+  await sleep(100);
+  for (const id of ['one', 'other']) await d.resident(id);
+  assert.equal(await d.metric('render_failures_total'), 0);
+  await d.stop();
+});
