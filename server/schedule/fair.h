@@ -9,8 +9,9 @@
  * charged for stalls up to a twentieth of its used time: otherwise one stall would cost it as many turns as it has
  * rivals.
  *
- * Classes are strict priorities: interactive frames, then single pictures, then refinements. To prevent starvation a
- * waiting class earns a tenth of the time spent on higher classes, and is served first once this amounts to a slice.
+ * Classes are strict priorities: interactive frames, then single pictures, then refinements and preparations. To prevent
+ * starvation a waiting class earns a tenth of the time spent on higher classes, and is served first once this amounts to
+ * a slice.
  *
  * Pure: no clock and no threads; the caller passes the times. */
 #ifndef TCS_SCHEDULE_FAIR_H

@@ -486,14 +486,18 @@ static tcs_job *take_next(tcs_scheduler *scheduler) {
   return NULL;
 }
 
+static void count_wait(tcs_metrics *metrics, const tcs_job *job) {
+  tcs_histogram_add(&metrics->queue, job->queue_ms / 1000);
+  tcs_histogram_add(&metrics->classes[job->class].queue, job->queue_ms / 1000);
+}
+
 static void begin_slice(tcs_scheduler *scheduler, tcs_job *job) {
   const int64_t now = g_get_monotonic_time();
   scheduler->rendering = job;
   if (!tcs_job_begun(job)) {
     lend_frame(scheduler, job);
     job->queue_ms = (double)(now - job->queued_us) / 1000;
-    tcs_histogram_add(&scheduler->server->metrics->queue, job->queue_ms / 1000);
-    tcs_histogram_add(&scheduler->server->metrics->classes[job->class].queue, job->queue_ms / 1000);
+    if (!job->prepare_only) count_wait(scheduler->server->metrics, job);
   }
   job->slices++;
   job->slice_us = now;

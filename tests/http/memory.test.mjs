@@ -352,6 +352,7 @@ test('a resident volume is prepared, unless half of the cache is in use', async 
   const filled = await load('head', 'demo:head', 1);
   assert.ok(filled > 2 << 20, `${filled} bytes`);
   assert.equal(await load('bucky', 'demo:bucky', 2), filled, 'the second one finds the cache full');
+  assert.equal(await d.metric('class_queue_seconds_count{class="refine"}'), 0, 'no picture waited');
   assert.equal(await took('head'), 0);
   assert.ok((await took('bucky')) > 0);
   await d.call('DELETE', '/v1/volumes/head');
