@@ -204,7 +204,7 @@ static double computed_after_cancelling(tc_meter_subject subject, double after, 
 /* A truth of a large mesh without normals that is cancelled in any phase of its making ends after a small share of the work.
  * The least of a few tries counts, because on a busy machine the making thread may run on before it sees the flag. */
 TEST(making_a_truth_is_cancelled) {
-  enum { MOMENTS = SANITIZED ? 6 : 24, TRIES = 3 };
+  enum { MOMENTS = SANITIZED ? 6 : 24, TRIES = 6 };
   g_autoptr(tc_volume) volume = test_volume(&(test_grid){.dims = {4, 4, 4}, .type = TC_F32}, test_radius2, (double[3]){2, 2, 2});
   g_autoptr(tc_mesh) large = tc_mesh_new(3000000, 2000000, false, NULL);
   const tc_mesh_surface one = {.source = TC_SURFACE_OF_MESH, .opacity = 1, .visible = true};
