@@ -94,6 +94,7 @@ bool tcs_room_possible(tcs_catalogue *catalogue, uint64_t bytes);
 uint64_t tcs_room_of(uint64_t voxel_bytes);
 
 uint64_t tcs_volume_bytes(const tc_volume *volume); /* with its mask of missing values and its colours */
+
 /* Builds what pictures of the resident volume's default scene read, while nothing is drawn, so that the first picture
  * need not wait for it. */
 void tcs_preparation_begin(tcs_catalogue *catalogue, tcs_entry *entry);

@@ -345,7 +345,7 @@ static void run_slice(tcs_task *task) {
     set_cancelled(job);
     return;
   }
-  if (job->prepare_only && has_much_cached(job)) {
+  if (job->prepare_only && job->slices == 1 && has_much_cached(job)) {
     set_cancelled(job);
     return;
   }

@@ -374,6 +374,7 @@ test('a volume removed while it is prepared leaves nothing behind', async () => 
   });
   await d.stop();
 });
+
 test('a preparation that lacks memory gives up: no volume is dropped for it, and it is no failure', async () => {
   const bare = await Daemon.start({ ball: false });
   const { program } = await used(bare);
