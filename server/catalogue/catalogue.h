@@ -45,7 +45,7 @@ typedef struct tcs_entry {
   tc_volume *body;   /* volume without tables and padding: one reference; NULL: there are none */
   tc_fit fit;        /* resident: value range and windows fitted to the voxels */
   tc_scene defaults; /* resident: default scene for the volume */
-  struct tcs_job *preparation; /* resident: builds what pictures of the default scene read; NULL: none is queued */
+  struct tcs_job *preparation; /* resident: builds the resources of the default scene; NULL: none is queued */
   GBytes *thumbnail; /* resident: cached JPEG, counted under encoded pictures; NULL until first requested */
   char *reason;      /* failed: the reason, one line without server-side paths */
   tcs_load *load;    /* loading */
