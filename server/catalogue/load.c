@@ -153,7 +153,7 @@ static void keep(tcs_load *load) {
   entry->state = TCS_RESIDENT;
   entry->used_us = g_get_monotonic_time();
   row_of(load)->keep(load, entry);
-  if (entry->volume) tcs_preparation_begin(load->catalogue, entry);
+  if (entry->volume) tcs_preparation_begin(load->catalogue, entry, load->source.client);
 }
 
 static void fail(tcs_load *load) {

@@ -96,8 +96,8 @@ uint64_t tcs_room_of(uint64_t voxel_bytes);
 uint64_t tcs_volume_bytes(const tc_volume *volume); /* with its mask of missing values and its colours */
 
 /* Queues a job that builds the table and the acceleration structures of the resident volume's default scene while nothing
- * is drawn, so that the first picture does not wait for them. */
-void tcs_preparation_begin(tcs_catalogue *catalogue, tcs_entry *entry);
+ * is drawn, so that the first picture does not wait for them. The time is charged to the client that loaded the volume. */
+void tcs_preparation_begin(tcs_catalogue *catalogue, tcs_entry *entry, const char *client);
 void tcs_preparation_end(tcs_entry *entry); /* cancels it; none queued is fine */
 
 /* Bytes of a resident volume and its body, or of a mesh. */

@@ -7,11 +7,12 @@ static void finished(tcs_job *job) {
   if (entry) entry->preparation = NULL;
 }
 
-void tcs_preparation_begin(tcs_catalogue *catalogue, tcs_entry *entry) {
+void tcs_preparation_begin(tcs_catalogue *catalogue, tcs_entry *entry, const char *client) {
   if (catalogue->ended) return;
   tcs_job *job = tcs_job_new(catalogue->server, tcs_entry_shown(entry, &entry->defaults), &entry->defaults);
   job->finished = finished;
   job->user = entry;
+  job->peer = g_strdup(client);
   entry->preparation = job;
   tcs_scheduler_prepare(catalogue->server->scheduler, job);
 }

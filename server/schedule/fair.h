@@ -1,13 +1,13 @@
 /* Fair scheduling: deficit round-robin in milliseconds of render time, over classes, peers and clients.
  *
- * A client is all viewers of a session, or all single renders of one peer; a peer is whoever connects (its address, and
- * its token if it has one). Render time is shared equally between peers, and a peer's share equally between its
- * clients, so that opening more sessions, connections or requests gains nothing. Every round credits each account with
- * a quantum; a client with a negative account waits for further rounds. A slice is charged afterwards with the time it
- * really took. Debts persist between pictures; credit is capped at one quantum. Sometimes a slice takes far longer than
- * its picture needs, because the system or a hypervisor gave the processors to others. A client is therefore not
- * charged for stalls up to a twentieth of its used time: otherwise one stall would cost it as many turns as it has
- * rivals.
+ * A client is all viewers of a session, all single renders of one peer, or all preparations of the volumes that one
+ * peer loaded; a peer is whoever connects (its address, and its token if it has one). Render time is shared equally
+ * between peers, and a peer's share equally between its clients, so that opening more sessions, connections or
+ * requests gains nothing. Every round credits each account with a quantum; a client with a negative account waits
+ * for further rounds. A slice is charged afterwards with the time it really took. Debts persist between pictures;
+ * credit is capped at one quantum. Sometimes a slice takes far longer than its picture needs, because the system or
+ * a hypervisor gave the processors to others. A client is therefore not charged for stalls up to a twentieth of its
+ * used time: otherwise one stall would cost it as many turns as it has rivals.
  *
  * Classes are strict priorities: interactive frames, then single pictures, then refinements and preparations. To prevent
  * starvation a waiting class earns a tenth of the time spent on higher classes, and is served first once this amounts to

@@ -42,7 +42,7 @@ struct tcs_job {
   void (*finished)(tcs_job *job); /* called once, with the results below set */
   void *user;                     /* the owner's; NULL after the owner has left */
   void *part;                     /* the owner's: the view of the picture */
-  char *peer;                     /* peer of a single picture; g_malloc'ed, freed with the job */
+  char *peer;                     /* peer of a single picture or a preparation; g_malloc'ed, freed with the job */
   uint64_t revision;              /* the owner's */
   double samples;                 /* the owner's: tc_estimate_samples() of the picture; 0 = unknown */
   double thought_ms;              /* the owner's: expected render time; 0 = unknown */

@@ -25,7 +25,7 @@ G_STATIC_ASSERT(TCS_METRICS_CLASSES == TCS_CLASS_COUNT);
 #define SLICE_SHARE 0.75
 /* A picture is late above this multiple of its expected time; below, it is within the scatter of measurements. */
 #define LATE 1.5
-/* Each successive slice without progress doubles the next one, up to 2^this. */
+/* Each successive slice without progress doubles the next one, up to 2^this. A preparation ends after this many. */
 #define MOST_STALLS 5
 /* Unfinished pictures keep their frames; above this total only interactive frames may begin. */
 #define MOST_HELD_BYTES ((size_t)256 << 20)
@@ -33,8 +33,6 @@ G_STATIC_ASSERT(TCS_METRICS_CLASSES == TCS_CLASS_COUNT);
 #define THREAD_MS_PER_SAMPLE 2e-6
 /* Attempts to free memory for one picture; most know their need at the first one. */
 #define MOST_ASKED 4
-/* The peer of preparations; other peers are addresses. */
-#define PREPARER "preparer"
 /* Share of the renderer's cache up to which preparations begin. */
 #define PREPARED_SHARE 0.5
 #define MOST_SPARE_PIXELS ((size_t)4 << 20)
@@ -49,7 +47,7 @@ struct tcs_scheduler {
   tcs_encoder *encoders[LANE_COUNT]; /* each on its lane's thread only */
   int encoding[LANE_COUNT];
   tcs_fair *fair;
-  GHashTable *peers;      /* name -> tcs_client of the peer's single pictures */
+  GHashTable *singles, *preparations; /* of each peer: name -> tcs_client */
   int waiting, n_singles; /* queued jobs; single pictures among them */
   size_t held_bytes;      /* frames of unfinished, queued jobs */
   tcs_job *rendering;     /* on the render thread, or NULL */
@@ -97,7 +95,8 @@ tcs_scheduler *tcs_scheduler_new(tcs_server *server, GError **error) {
   tcs_ledger_init(&scheduler->caches, server->budget, TCS_MEMORY_CACHES);
   g_queue_init(&scheduler->frames);
   scheduler->fair = tcs_fair_new();
-  scheduler->peers = g_hash_table_new_full(g_str_hash, g_str_equal, g_free, free_client);
+  scheduler->singles = g_hash_table_new_full(g_str_hash, g_str_equal, g_free, free_client);
+  scheduler->preparations = g_hash_table_new_full(g_str_hash, g_str_equal, g_free, free_client);
   owner_task owner = {.task.run = start_renderer,
                       .scheduler = scheduler,
                       .options = {.backend = server->config->backend, .threads = server->config->threads,
@@ -129,7 +128,8 @@ void tcs_scheduler_free(tcs_scheduler *scheduler) {
   }
   for (int i = 0; i < LANE_COUNT; i++)
     tcs_encoder_free(scheduler->encoders[i]);
-  g_hash_table_destroy(scheduler->peers);
+  g_hash_table_destroy(scheduler->singles);
+  g_hash_table_destroy(scheduler->preparations);
   tcs_fair_free(scheduler->fair);
   g_queue_clear_full(&scheduler->frames, free_frame);
   g_free(scheduler);
@@ -300,52 +300,52 @@ void tcs_scheduler_leave(tcs_scheduler *scheduler, tcs_client *client) {
   tcs_client_free(client);
 }
 
-static tcs_client *singles_of(tcs_scheduler *scheduler, const char *peer) {
-  tcs_client *client = g_hash_table_lookup(scheduler->peers, peer);
+/* The client of the job's peer in this table. */
+static tcs_client *client_of(tcs_scheduler *scheduler, GHashTable *clients, const tcs_job *job) {
+  const char *peer = job->peer ? job->peer : "";
+  tcs_client *client = g_hash_table_lookup(clients, peer);
   if (client) return client;
   client = tcs_client_new(scheduler->fair, peer, NULL, NULL);
-  g_hash_table_insert(scheduler->peers, g_strdup(peer), client);
+  g_hash_table_insert(clients, g_strdup(peer), client);
   return client;
+}
+
+static void push(tcs_scheduler *scheduler, tcs_client *client, tcs_job *job, tcs_class class) {
+  job->class = class;
+  tcs_client_push(client, job);
+  count_in_line(scheduler, job, 1);
+  tcs_scheduler_pump(scheduler);
 }
 
 bool tcs_scheduler_submit(tcs_scheduler *scheduler, tcs_job *job, GError **error) {
   const int64_t most = scheduler->server->config->limits.queue;
-  tcs_client *client = singles_of(scheduler, job->peer ? job->peer : "");
+  tcs_client *client = client_of(scheduler, scheduler->singles, job);
   /* If other peers fill the queue, a peer's first picture is still accepted, up to twice the limit. */
   if (scheduler->n_singles >= (tcs_client_length(client) ? most : 2 * most)) {
     tc_set_error(error, TC_ERROR_BUSY, NULL, "too many pictures are waiting; try again in a moment");
     return false;
   }
-  job->class = TCS_CLASS_SINGLE;
-  tcs_client_push(client, job);
-  count_in_line(scheduler, job, 1);
-  tcs_scheduler_pump(scheduler);
+  push(scheduler, client, job, TCS_CLASS_SINGLE);
   return true;
 }
 
 void tcs_scheduler_prepare(tcs_scheduler *scheduler, tcs_job *job) {
   job->prepare_only = true;
-  job->class = TCS_CLASS_REFINE;
-  tcs_client_push(singles_of(scheduler, PREPARER), job);
-  count_in_line(scheduler, job, 1);
-  tcs_scheduler_pump(scheduler);
+  push(scheduler, client_of(scheduler, scheduler->preparations, job), job, TCS_CLASS_REFINE);
 }
 
 /* ---- slices ---- */
 
-static bool has_much_cached(const tcs_job *job) {
+/* Whether a preparation that has not begun finds much of the cache in use. */
+static bool is_superfluous(const tcs_job *job) {
   const double most = PREPARED_SHARE * (double)job->server->config->limits.cache_bytes;
-  return (double)tc_renderer_cached(job->server->scheduler->renderer) > most;
+  return job->prepare_only && job->slices == 1 && (double)tc_renderer_cached(job->server->scheduler->renderer) > most;
 }
 
 static void run_slice(tcs_task *task) {
   tcs_job *job = (tcs_job *)task;
   tc_renderer *renderer = job->server->scheduler->renderer;
-  if (atomic_load(&job->interrupt.cancel)) {
-    set_cancelled(job);
-    return;
-  }
-  if (job->prepare_only && job->slices == 1 && has_much_cached(job)) {
+  if (atomic_load(&job->interrupt.cancel) || is_superfluous(job)) {
     set_cancelled(job);
     return;
   }
@@ -396,7 +396,8 @@ static void timed_slice(tcs_task *task) {
 
 /* Sets the time at which the running slice pauses, from the jobs waiting. The renderer polls this time. */
 static void set_pause(tcs_scheduler *scheduler, tcs_job *job) {
-  const int64_t slice_us = (int64_t)(1000 * tcs_class_slice_ms(job->class)) << MIN(job->stalls, MOST_STALLS);
+  const int doublings = job->prepare_only ? 0 : MIN(job->stalls, MOST_STALLS);
+  const int64_t slice_us = (int64_t)(1000 * tcs_class_slice_ms(job->class)) << doublings;
   const tcs_pressure pressure = job->client ? tcs_client_pressure(job->client, job->class) : TCS_PRESSURE_SLICE;
   const bool moving = job->class == TCS_CLASS_INTERACTIVE;
   if (moving && tcs_fair_waiting(scheduler->fair, TCS_CLASS_INTERACTIVE))
@@ -439,6 +440,11 @@ static void count_slice(tcs_scheduler *scheduler, const tcs_job *job, bool pause
   if (job->client && tcs_client_pressure(job->client, job->class) == TCS_PRESSURE_NOW) metrics->preempted++;
 }
 
+/* A preparation is worth no long slice: one that makes no progress in several usual ones is given up. */
+static bool is_stuck(const tcs_job *job) {
+  return job->prepare_only && tc_frame_fruitless(&job->frame) >= MOST_STALLS;
+}
+
 static void done_slice(tcs_task *task) {
   tcs_job *job = (tcs_job *)task;
   tcs_scheduler *scheduler = job->server->scheduler;
@@ -448,7 +454,7 @@ static void done_slice(tcs_task *task) {
   if (job->client) tcs_client_charge(job->client, job->class, job->slice_ms, late_ms(job));
   count_slice(scheduler, job, paused);
   if (paused && job->used_ms >= (double)scheduler->server->config->limits.render_seconds * 1000) job->overdue = true;
-  if (paused && (!job->client || job->overdue || atomic_load(&job->interrupt.cancel) ||
+  if (paused && (!job->client || job->overdue || atomic_load(&job->interrupt.cancel) || is_stuck(job) ||
                  (job->paused && !job->paused(job)))) {
     set_cancelled(job);
     paused = false;
@@ -566,7 +572,8 @@ static gboolean is_forgotten(void *name, void *client, void *busy) {
 
 void tcs_scheduler_tick(tcs_scheduler *scheduler, int64_t now_us) {
   tcs_job *job = scheduler->rendering;
-  g_hash_table_foreach_remove(scheduler->peers, is_forgotten, job ? job->client : NULL);
+  g_hash_table_foreach_remove(scheduler->singles, is_forgotten, job ? job->client : NULL);
+  g_hash_table_foreach_remove(scheduler->preparations, is_forgotten, job ? job->client : NULL);
   if (!job) return;
   const double slice_ms = (double)(now_us - job->slice_us) / 1000;
   if (job->used_ms + slice_ms < (double)scheduler->server->config->limits.render_seconds * 1000) return;

@@ -32,8 +32,9 @@ tcs_client *tcs_scheduler_join(tcs_scheduler *scheduler, const char *peer, tcs_c
 void tcs_scheduler_leave(tcs_scheduler *scheduler, tcs_client *client);
 /* Queues a single picture of job->peer. TC_ERROR_BUSY when too many wait: the caller keeps the job. */
 bool tcs_scheduler_submit(tcs_scheduler *scheduler, tcs_job *job, GError **error);
-/* Queues a preparation (prepare_only) behind all pictures, in the class of refinements. It ends early if it lacks memory
- * or finds half of the renderer's cache in use: its resources must not replace those of pictures. */
+/* Queues a preparation of job->peer (prepare_only) behind all pictures, in the class of refinements. It ends early if it
+ * lacks memory, makes no progress in its slices, or finds half of the renderer's cache in use: its resources must not
+ * replace those of pictures. */
 void tcs_scheduler_prepare(tcs_scheduler *scheduler, tcs_job *job);
 /* Starts a waiting job, or tells the running one when to pause for those waiting. Call after every change. */
 void tcs_scheduler_pump(tcs_scheduler *scheduler);
