@@ -27,6 +27,7 @@ void tc_shade_set_up(tc_shade *shade, const tc_volume *volume, const tc_volume *
   set_gradient(shade, volume, field, scene->mode);
   double ambient = scene->shading.ambient, diffuse = scene->shading.diffuse;
   shade->shininess = (float)scene->shading.shininess;
+  shade->least_mirror = (float)fmax(1e-30, pow(1e-30, 1 / scene->shading.shininess));
   shade->specular = scene->shading.model == TC_SHADING_LAMBERT ? 0 : (float)scene->shading.specular;
   shade->factor[0] = (float)ambient;
   shade->factor[1] = (float)diffuse;

@@ -45,6 +45,8 @@ typedef struct tc_shade {
   float flat;           /* TC_SHADE_FLAT in the gradient's unit: full weight is at 1 */
   float inverse_steep;  /* 1 / (1 - flat) */
   float specular, shininess;
+  float least_mirror; /* least n.h used: its power is 1e-30. Some processors take over a hundred cycles for a product that is
+                         subnormal */
 } tc_shade;
 
 /* volume: the scene's, which gives the value range; field: the sampled volume (its B-spline coefficients, or itself).

@@ -29,15 +29,14 @@ V_INLINE lighting start_lighting(const tc_cpu_args *args, variant v, const place
   return lighting_at(i, j, args->rays.view0, args->rays.view_du, args->rays.view_dv, args->shade.light);
 }
 
-/* mirror^shininess. mirror: 0..1. A whole exponent takes few multiplications. */
+/* mirror^shininess. mirror: s->least_mirror..1. A whole exponent takes few multiplications. */
 V_INLINE vf glint_of(const tc_shade *s, vf mirror) {
   const int whole = (int)s->shininess;
-  if ((float)whole != s->shininess || whole >= 128)
-    return exp2_approx(v_set(s->shininess) * log2_approx(v_max(mirror, v_set(1e-30f))));
+  if ((float)whole != s->shininess || whole >= 128) return exp2_approx(v_set(s->shininess) * log2_approx(mirror));
   vf glint = v_set(1);
   for (int left = whole; left; left >>= 1) {
     if (left & 1) glint = glint * mirror;
-    mirror = mirror * mirror;
+    if (left > 1) mirror = mirror * mirror; /* the square after the last factor could be subnormal */
   }
   return glint;
 }
@@ -70,7 +69,7 @@ V_INLINE facet facet_of(const tc_shade *s, const lighting *l, const vf sum[3]) {
 V_INLINE vf4 shade_facet(const tc_shade *s, const facet *f, vf4 c) {
   vf glint = v_set(0), q = v_max(f->lit, v_set(s->least));
   if (s->specular > 0) {
-    glint = v_set(s->specular) * glint_of(s, v_min(v_max(f->mirror, v_set(0)), v_set(1)));
+    glint = v_set(s->specular) * glint_of(s, v_min(v_max(f->mirror, v_set(s->least_mirror)), v_set(1)));
     glint = v_select(v_lt(v_set(0), f->lit), glint, v_set(0));
   }
   const vf factor = v_fma(f->steep, v_fma(v_set(s->factor[1]), q, v_set(s->factor[0])) - v_set(1), v_set(1));

@@ -19,7 +19,7 @@ struct Shade { // tc_shade (shading.h)
   int head_light;
   vec4 glow[2];
   vec2 factor;
-  float least, low, inverse_steep, specular, shininess; // low: tc_shade.flat
+  float least, low, inverse_steep, specular, shininess, least_mirror; // low: tc_shade.flat
 };
 struct Grey { float sign, gain, offset, low, stop; }; // tc_grey (projection.h); low: its floor
 

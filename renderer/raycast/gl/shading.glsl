@@ -17,7 +17,7 @@ vec4 shade(vec4 segment, vec3 front, vec3 back, vec3 eye) {
   }
   precise float glint = 0.0;
   if (job.shade.specular > 0.0 && lit > 0.0)
-    glint = job.shade.specular * exp2(job.shade.shininess * log2(clamp(mirror, 1e-30, 1.0)));
+    glint = job.shade.specular * exp2(job.shade.shininess * log2(clamp(mirror, job.shade.least_mirror, 1.0)));
   float q = max(lit, job.shade.least);
   precise float factor = fma(weight, fma(job.shade.factor.y, q, job.shade.factor.x) - 1.0, 1.0);
   precise vec3 glow = fma(job.shade.glow[1].xyz, vec3(q), job.shade.glow[0].xyz) + glint;
