@@ -2,6 +2,8 @@
  * of the linear frame (premultiplied colour, opacity) and are printed as numbers. */
 #include "tests/support/test.h"
 
+#include <fenv.h>
+
 #include "renderer/tomocast.h"
 #include "tests/support/grid.h"
 #include "tests/support/image.h"
@@ -436,6 +438,31 @@ TEST(plan_says_what_is_in) {
       assert_int_equal(strstr(plan.stages[TC_STAGE_GRADIENT].reason, "central differences") != NULL, shaded);
       assert_int_equal(strstr(plan.kernel, ".shaded.") != NULL, shaded);
     }
+  }
+}
+
+/* A subnormal product takes some processors over a hundred cycles: a frame has none, however sharp its highlights are. */
+TEST(no_highlight_underflows) {
+  g_autoptr(tc_volume) volume = waves(TC_I16, 1);
+  const double shininess[] = {0, 0.5, 1, 10, 20, 127, 128, 300.5, 1024};
+  EACH_CPU(i) {
+    GError *error = NULL;
+    g_autoptr(tc_renderer) here = tc_renderer_new(&(tc_renderer_options){.backend = TC_BACKEND_CPU, .isa = test_names[i], .threads = 1}, &error);
+    assert_non_null(here);
+    tc_frame frame = {0};
+    for (size_t k = 0; k < 2 * G_N_ELEMENTS(shininess); k++) {
+      g_auto(tc_scene) scene;
+      shaded_scene(&scene, volume, TC_SHADING_BLINN_PHONG, soft, 3);
+      scene.shading.gradient = k & 1 ? TC_GRADIENT_CENTRAL : TC_GRADIENT_CELL;
+      scene.shading.shininess = shininess[k / 2];
+      if (k % 3) light_from(&scene, 0.3, -1, 2);
+      for (int again = 0; again < 2; again++) { /* the first frame builds its table as well */
+        feclearexcept(FE_UNDERFLOW);
+        assert_true(tc_render(here, volume, &scene, &(tc_render_request){0}, &frame, &error));
+      }
+      if (fetestexcept(FE_UNDERFLOW)) fail_msg("%s: shininess %g", test_names[i], scene.shading.shininess);
+    }
+    tc_frame_finish(&frame);
   }
 }
 
