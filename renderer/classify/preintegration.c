@@ -149,7 +149,7 @@ static void unmap(spare s) {
 }
 
 #define PAGE ((size_t)2 << 20)
-#define MOST_SPARE (20 * PAGE) /* a table of 1024 nodes, 34 MB, is the largest that is kept */
+#define MOST_SPARE (20 * PAGE) /* keeps tables of up to 1024 nodes, 34 MB; no budget counts these bytes */
 
 /* Zeroed memory, in huge pages if available. The largest tables use small pages, because no look-up reads half of their
  * entries, whose pages are then never allocated. */

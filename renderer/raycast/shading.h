@@ -10,8 +10,8 @@
  *   n   g / |g|, flipped towards the eye: surfaces are lit on the visible side, whichever side is dense (as in VTK),
  *       so that the sign of the slope does not matter either;
  *   l   unit direction to the light: to the eye (head light), or fixed in LPS;
- *   q   max(n.l, least), s = max(n.h, 0)^shininess where n.l > 0, else 0; h halfway between l and the direction to
- *       the eye.
+ *   q   max(n.l, least), s = max(n.h, least_mirror)^shininess where n.l > 0, else 0; h halfway between l and the
+ *       direction to the eye.
  * Models are numbers of this one form:
  *   Lambert, Blinn-Phong   F0 ambient, F1 diffuse, G 0, least 0; Lambert has no specular;
  *   Gooch                  from cool (n.l = -1) to warm (n.l = 1): F = mix(ambient, diffuse), G = mix(blue, yellow);
@@ -45,8 +45,8 @@ typedef struct tc_shade {
   float flat;           /* TC_SHADE_FLAT in the gradient's unit: full weight is at 1 */
   float inverse_steep;  /* 1 / (1 - flat) */
   float specular, shininess;
-  float least_mirror; /* least n.h used: its power is 1e-30. Some processors take over a hundred cycles for a product that is
-                         subnormal */
+  float least_mirror; /* 1e-30^(1/shininess), at least 1e-30: products stay above 1e-38. A smaller one is subnormal, and its
+                         multiplication took 38 ns instead of 0.3 on an Intel Xeon with AVX-512 */
 } tc_shade;
 
 /* volume: the scene's, which gives the value range; field: the sampled volume (its B-spline coefficients, or itself).

@@ -441,7 +441,7 @@ TEST(plan_says_what_is_in) {
   }
 }
 
-/* A subnormal product takes some processors over a hundred cycles: a frame has none, however sharp its highlights are. */
+/* The processor's underflow flag: shading computes no subnormal product, whatever the exponent (tc_shade.least_mirror). */
 TEST(no_highlight_underflows) {
   g_autoptr(tc_volume) volume = waves(TC_I16, 1);
   const double shininess[] = {0, 0.5, 1, 10, 20, 127, 128, 300.5, 1024};
