@@ -5,13 +5,12 @@
 #include "renderer/base/clock.h"
 #include "renderer/base/reserve.h"
 #include "renderer/skip/empty_ranges.h"
-#include "renderer/skip/minmax_rows.h"
+#include "renderer/skip/minmax_each.h"
 #include "renderer/volume/voxel.h"
 
 #define LEVELS 65536
 #define BINS 256
 #define SAMPLED (1 << 18) /* approximate number of voxels in the histogram from which bins are chosen */
-#define TASK_VOXELS (1 << 18)
 #define MOST_WIDTH 64 /* of a fine box, voxels */
 
 /* The level of a value. NaN goes to the first level, as table look-ups take it to the first node. */
@@ -86,67 +85,35 @@ tc_fine *tc_fine_begin(const tc_volume *volume, int block, int reach, size_t mos
 
 /* ---- minima and maxima ---- */
 
-typedef struct fine_job {
-  tc_fine *fine;
-  const tc_volume *volume;
-  int strips, rows; /* tasks per layer; rows of fine boxes per task */
-  size_t room;      /* scratch bytes per worker: two rows of voxels and one of pairs */
-  char *scratch;
-} fine_job;
-
-#define BIN_ROW(type, level)                                                                                           \
+#define BIN(type, level)                                                                                               \
   {                                                                                                                    \
     const type *p = pairs;                                                                                             \
-    for (int x = 0; x < n; x++) least[x] = f->bins[level(p[2 * x])], most[x] = f->bins[level(p[2 * x + 1])];           \
+    for (size_t i = 0; i < count; i++) least[i] = bins[level(p[2 * i])], most[i] = bins[level(p[2 * i + 1])];          \
     return;                                                                                                            \
   }
 #define AS_IS(v) v
 #define FROM_I8(v) (v + 128)
 #define FROM_I16(v) (v + 32768)
 #define OF_FLOAT(v) level_of(f, (double)v)
-static void bin_row(const tc_fine *f, const void *pairs, int n, uint8_t *least, uint8_t *most) {
+static void bin(void *user, size_t first, size_t count, const void *pairs) {
+  const tc_fine *f = user;
+  const uint8_t *restrict bins = f->bins;
+  uint8_t *restrict least = f->least + first, *restrict most = f->most + first;
   switch (f->grid.type) {
-  case TC_U8: BIN_ROW(uint8_t, AS_IS)
-  case TC_I8: BIN_ROW(int8_t, FROM_I8)
-  case TC_U16: BIN_ROW(uint16_t, AS_IS)
-  case TC_I16: BIN_ROW(int16_t, FROM_I16)
-  case TC_F32: BIN_ROW(float, OF_FLOAT)
+  case TC_U8: BIN(uint8_t, AS_IS)
+  case TC_I8: BIN(int8_t, FROM_I8)
+  case TC_U16: BIN(uint16_t, AS_IS)
+  case TC_I16: BIN(int16_t, FROM_I16)
+  case TC_F32: BIN(float, OF_FLOAT)
   case TC_VOXEL_TYPE_COUNT: break;
   }
 }
 
-static void fine_task(void *context, int index, int worker) {
-  const fine_job *job = context;
-  tc_fine *f = job->fine;
-  const int *n = f->grid.blocks, z = index / job->strips, y0 = index % job->strips * job->rows;
-  char *rows = job->scratch + (size_t)worker * job->room;
-  void *pairs = rows + job->room - (size_t)n[0] * 2 * tc_voxel_size(f->grid.type);
-  for (int y = y0; y < y0 + job->rows && y < n[1]; y++) {
-    size_t first = ((size_t)z * (size_t)n[1] + (size_t)y) * (size_t)n[0];
-    tc_minmax_row(&f->grid, job->volume, y, z, rows, pairs);
-    bin_row(f, pairs, n[0], f->least + first, f->most + first);
-  }
-}
-
 bool tc_fine_go_on(tc_fine *f, const tc_volume *volume, tc_pool *pool, GError **error) {
-  double start = tc_now_ms();
-  const size_t size = tc_voxel_size(f->grid.type), nx = (size_t)tc_volume_describe(volume)->dims[0];
-  const size_t row_voxels = nx * (size_t)f->grid.block * (size_t)f->grid.block;
-  fine_job job = {.fine = f,
-                  .volume = volume,
-                  .rows = 1 + (int)(TASK_VOXELS / row_voxels),
-                  .room = (2 * nx + 2 * (size_t)f->grid.blocks[0]) * size};
-  job.strips = (f->grid.blocks[1] + job.rows - 1) / job.rows;
-  if (f->grid.done == job.strips * f->grid.blocks[2]) return true;
-  job.scratch = malloc((size_t)tc_pool_threads(pool) * job.room);
-  if (!job.scratch) {
-    tc_set_error(error, TC_ERROR_MEMORY, NULL, "minima and maxima of fine boxes: out of memory");
-    return false;
-  }
-  bool made = tc_pool_go_on(pool, &f->grid.done, job.strips * f->grid.blocks[2], fine_task, &job);
-  free(job.scratch);
+  const double start = tc_now_ms();
+  const bool made = tc_minmax_each(&f->grid, volume, pool, bin, f, error);
   f->build_ms += tc_now_ms() - start;
-  return made || tc_halt_say(tc_pool_halt(pool), error);
+  return made;
 }
 
 void tc_fine_free(tc_fine *fine) {

@@ -34,7 +34,7 @@ typedef struct tc_minmax {
   int blocks[3];
   void *pairs;    /* [blocks z][blocks y][blocks x][2]: minimum, maximum */
   tc_voxel_type type;
-  int done;       /* finished rows of blocks; the grid is complete when all are */
+  int done;       /* finished tasks; the grid is complete when all are */
   size_t bytes;
   double build_ms;
 } tc_minmax;

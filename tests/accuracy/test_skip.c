@@ -8,6 +8,7 @@
 #include "renderer/skip/distance_map.h"
 #include "renderer/skip/fine.h"
 #include "renderer/tomocast.h"
+#include "renderer/volume/voxel.h"
 #include "tests/support/grid.h"
 
 G_DEFINE_AUTOPTR_CLEANUP_FUNC(tc_boxes, tc_boxes_free)
@@ -158,7 +159,39 @@ TEST(zones_are_empty) {
   assert_int_equal(reach, 0);
 }
 
-/* Every block's pair against its voxels; every distance against all blocks. */
+static double pair_of(const tc_minmax *m, size_t block, int which) { return tc_voxel_at(m->type, m->pairs, 2 * block + (size_t)which); }
+
+/* Every block's pair against its voxels, one voxel more to all sides under a cubic filter: odd sizes, several strips of rows. */
+TEST(pairs_are_exact) {
+  uint64_t state = 29;
+  size_t blocks = 0;
+  for (int trial = 0; trial < 60; trial++) {
+    g_autoptr(tc_volume) v = random_volume(&state);
+    const tc_volume_desc *d = tc_volume_describe(v);
+    g_autoptr(tc_minmax) m = tc_minmax_build(v, 2 + trial % 7, trial / 7 % 2, NULL, NULL);
+    const int nx = m->blocks[0], ny = m->blocks[1], n = nx * ny * m->blocks[2];
+    for (int i = 0; i < n; i++) {
+      const int block[3] = {i % nx, i / nx % ny, i / nx / ny};
+      int from[3], to[3];
+      for (int k = 0; k < 3; k++) {
+        from[k] = MAX(block[k] * m->block - m->reach, 0);
+        to[k] = MIN((block[k] + 1) * m->block + m->reach, d->dims[k] - 1);
+      }
+      double least = INFINITY, most = -INFINITY;
+      for (int z = from[2]; z <= to[2]; z++)
+        for (int y = from[1]; y <= to[1]; y++)
+          for (int x = from[0]; x <= to[0]; x++) {
+            const double voxel = tc_voxel_at(d->type, tc_volume_data(v), ((size_t)z * (size_t)d->dims[1] + (size_t)y) * (size_t)d->dims[0] + (size_t)x);
+            least = fmin(least, voxel), most = fmax(most, voxel);
+          }
+      assert_true(pair_of(m, (size_t)i, 0) == least && pair_of(m, (size_t)i, 1) == most);
+    }
+    blocks += (size_t)n;
+  }
+  assert_true(blocks > 20000);
+}
+
+/* Every distance against all blocks. */
 TEST(map_is_right) {
   uint64_t state = 5;
   for (int trial = 0; trial < 30; trial++) {
