@@ -69,7 +69,8 @@ typedef struct tc_backend_ops {
   void *(*create)(const tc_renderer_options *options, tc_pool *pool, GError **error);
   void (*destroy)(void *instance);
   const char *(*device)(void *instance); /* static, or owned by the instance */
-  const char *(*isa)(void *instance);
+  const char *(*isa)(void *instance);      /* instruction set */
+  const char *(*variants)(void *instance); /* of its kernels, for people: "avx512", "avx512; avx2 for distant rays" */
   bool (*render)(void *instance, const tc_frame_job *job, GError **error);
   /* Shortest possible time between two checks of the halt at pixel_samples (job.pixel_samples) samples per pixel; if it
    * is too long, the cpu back end draws the frame. NULL: always short. */
@@ -85,8 +86,8 @@ typedef struct tc_backend_ops {
   bool (*builds_table)(void *instance, const tc_table_params *params, const char **why);
   /* Drops copies of a volume (by serial). */
   void (*forget)(void *instance, uint64_t volume_serial);
-  /* Suffix of the variants' names: "avx512", "gl". */
-  const char *(*kernel_suffix)(void *instance);
+  /* Suffix of the name of the variant that draws a frame of this key and these rays: "avx512", "gl". */
+  const char *(*kernel_suffix)(void *instance, const tc_plan_key *key, const tc_rays *rays);
 } tc_backend_ops;
 
 /* Draws a mode that casts no rays on the pool's threads, instead of the cpu back end. Contract as for render(). Table

@@ -64,7 +64,7 @@ tc_renderer *tc_renderer_new(const tc_renderer_options *options, GError **error)
   r->info = (tc_renderer_info){.backend = r->ops->name,
                                .why = r->why,
                                .device = r->ops->device(r->instance),
-                               .isa = r->ops == &tc_cpu_backend ? r->ops->kernel_suffix(r->instance) : r->ops->isa(r->instance),
+                               .isa = r->ops->variants(r->instance),
                                .threads = tc_pool_threads(r->pool)};
   return r;
 }
@@ -202,8 +202,10 @@ static void explain(drawing *d, bool by_stand_in, tc_explanation *to) {
     if (d->job.have.of[i]) d->facts.bytes[i] = tc_resource_kinds[i].bytes(d->job.have.of[i]);
   tc_plan_explain(&d->plan, d->job.source, d->job.scene, &d->facts, to);
   g_strlcat(to->kernel, ".", sizeof to->kernel);
-  g_strlcat(to->kernel, by_stand_in ? tc_cpu_backend.kernel_suffix(d->r->stand_in) : d->ops->kernel_suffix(d->instance),
-            sizeof to->kernel);
+  tc_rays rays;
+  tc_rays_set_up(&rays, d->job.source, d->job.scene, d->plan.width, d->plan.height);
+  const tc_backend_ops *ops = by_stand_in ? &tc_cpu_backend : d->ops;
+  g_strlcat(to->kernel, ops->kernel_suffix(by_stand_in ? d->r->stand_in : d->instance, &d->job.key, &rays), sizeof to->kernel);
 }
 
 bool tc_renderer_explain(tc_renderer *renderer, const tc_volume *volume, const tc_scene *scene,

@@ -4,6 +4,7 @@
 
 #include <math.h>
 
+#include "renderer/raycast/cpu/isa.h"
 #include "renderer/tomocast.h"
 #include "tests/support/grid.h"
 #include "tests/support/image.h"
@@ -156,14 +157,110 @@ TEST(steps_within_the_volume_load_what_clamped_samples_do) {
   }
 }
 
-/* The chosen one is a variant of the best instruction set. */
-TEST(the_fastest_variant_is_chosen_at_start) {
+/* The ray at a place in the picture: where it passes its anchor, and its direction, in voxels. */
+static void ray_at(const tc_rays *r, double i, double j, double at[3], double along[3]) {
+  double view[3], length = 0;
+  for (int k = 0; k < 3; k++) {
+    view[k] = r->view0[k] + i * r->view_du[k] + j * r->view_dv[k];
+    at[k] = r->anchor0[k] + i * r->anchor_du[k] + j * r->anchor_dv[k];
+    length += view[k] * view[k];
+  }
+  for (int k = 0; k < 3; k++) {
+    along[k] = 0;
+    for (int m = 0; m < 3; m++) along[k] += r->to_index[3 * k + m] * view[m] / sqrt(length);
+  }
+}
+
+/* Mean number of neighbourhoods of the packet in the middle of the picture, from the places of its rays where the middle ray is
+ * nearest to the volume's centre. */
+static double neighbourhoods_of(const tc_rays *r, tc_voxel_type type) {
+  double lo[3] = {1e9, 1e9, 1e9}, hi[3] = {-1e9, -1e9, -1e9}, at[3], along[3], s = 0, speed = 0, parts = 1;
+  ray_at(r, r->width / 2.0, r->height / 2.0, at, along);
+  for (int k = 0; k < 3; k++) s += ((r->lo[k] + r->hi[k]) / 2 - at[k]) * along[k], speed += along[k] * along[k];
+  for (int pixel = 0; pixel < 16; pixel++) {
+    ray_at(r, r->width / 2.0 + pixel % 4 - 1.5, r->height / 2.0 + pixel / 4 - 1.5, at, along);
+    for (int k = 0; k < 3; k++) {
+      const double p = at[k] + s / speed * along[k];
+      lo[k] = fmin(lo[k], p), hi[k] = fmax(hi[k], p);
+    }
+  }
+  for (int k = 0; k < 3; k++) {
+    const double voxels = k == 0 && type != TC_F32 ? 8 : 4, width = hi[k] - lo[k];
+    if (width > voxels - 2) parts *= (width + 1) / (voxels - 1);
+  }
+  return parts;
+}
+
+TEST(rays_are_close_where_a_packet_fits_a_neighbourhood) {
+  uint64_t state = 53;
+  int close = 0, distant = 0, wrong = 0;
+  for (int trial = 0; trial < 2000; trial++) {
+    const test_grid g = {.dims = {64, 50, 40}, .type = trial % 2 ? TC_F32 : TC_U8, .spacing = {1, 1.5, 0.5 + test_random(&state)}};
+    const unsigned seed = 3;
+    static tc_volume *volumes[2];
+    if (!volumes[trial % 2]) volumes[trial % 2] = test_volume(&g, rough_waves, &seed);
+    g_auto(tc_scene) scene;
+    const double near = 0.1 + test_random(&state), side[3] = {test_random(&state) - 0.5, test_random(&state) - 0.5, test_random(&state) - 0.5};
+    test_scene(&scene, 8, 8);
+    test_scene_frame(&scene, volumes[trial % 2], trial % 3 ? TC_PERSPECTIVE : TC_ORTHOGRAPHIC, side);
+    scene.camera.fov_y_deg *= near;
+    scene.camera.height_mm *= near;
+    const int pixels = 32 + (int)(150 * test_random(&state));
+    tc_rays rays;
+    tc_rays_set_up(&rays, volumes[trial % 2], &scene, pixels, pixels);
+    const double parts = neighbourhoods_of(&rays, g.type);
+    if (fabs(parts - (double)TC_MOST_NEIGHBOURHOODS) < 0.1) continue; /* the rays of a packet are not quite parallel */
+    const bool found = tc_cpu_rays_are_close(&rays, g.type);
+    close += found, distant += !found;
+    wrong += found != (parts <= (double)TC_MOST_NEIGHBOURHOODS);
+  }
+  printf("  %d close, %d distant, %d otherwise than the rays say\n", close, distant, wrong);
+  assert_true(close > 300 && distant > 300 && wrong == 0);
+}
+
+TEST(distant_rays_of_linear_dvr_and_projections_get_their_own_variant) {
+  const tc_cpu_isa near = {.name = "near"}, far = {.name = "far"};
+  const tc_cpu_isas isas = {&near, &far};
+  g_autoptr(tc_volume) volume = tc_volume_demo("vessels", NULL);
+  g_auto(tc_scene) scene;
+  test_scene(&scene, 64, 64);
+  test_scene_frame(&scene, volume, TC_PERSPECTIVE, (double[]){0.4, -0.3, 0.2});
+  for (int large = 0; large < 2; large++) {
+    tc_rays rays;
+    tc_rays_set_up(&rays, volume, &scene, large ? 2048 : 64, large ? 2048 : 64);
+    for (int mode = 0; mode < TC_MODE_COUNT; mode++)
+      for (int cubic = 0; cubic < 2; cubic++) {
+        const tc_plan_key key = {.mode = (uint8_t)mode, .filter = cubic ? TC_FILTER_CUBIC : TC_FILTER_LINEAR};
+        const bool casts = mode == TC_MODE_DVR || mode == TC_MODE_MIP || mode == TC_MODE_MINIP || mode == TC_MODE_AVERAGE;
+        assert_ptr_equal(tc_cpu_isa_for(&isas, &key, &rays), casts && !cubic && !large ? &far : &near);
+      }
+  }
+}
+
+/* The variants chosen are of the best instruction set, or of AVX2 for distant rays; a forced one draws everything. The plan names the
+ * one that draws. */
+TEST(the_fastest_variants_are_chosen_at_start) {
   tc_renderer *chosen = open_variant(NULL), *widest = open_variant("avx512");
-  const char *name = tc_renderer_about(chosen)->isa;
+  g_auto(GStrv) both = g_strsplit(tc_renderer_about(chosen)->isa, "; ", 2);
   bool known = !widest;
-  printf("  chosen: %s\n", name);
-  for (int i = 0; i < N_VARIANTS; i++) known |= !strcmp(name, names[i]);
-  assert_true(known);
+  printf("  chosen: %s\n", tc_renderer_about(chosen)->isa);
+  for (int i = 0; i < N_VARIANTS; i++) known |= !strcmp(both[0], names[i]);
+  assert_true(known && (!both[1] || g_str_has_suffix(both[1], " for distant rays")));
+  g_autoptr(tc_volume) volume = tc_volume_demo("vessels", NULL);
+  g_auto(tc_scene) scene;
+  test_scene(&scene, 64, 64);
+  test_scene_frame(&scene, volume, TC_PERSPECTIVE, (double[]){0.4, -0.3, 0.2});
+  for (int large = 0; large < 2; large++) {
+    tc_explanation plan;
+    g_auto(tc_frame) frame = {0};
+    scene.image.width = scene.image.height = large ? 2048 : 64;
+    assert_true(tc_renderer_explain(chosen, volume, &scene, NULL, &plan, NULL));
+    const char *name = strrchr(plan.kernel, '.') + 1;
+    assert_true(large || !both[1] ? !strcmp(name, both[0]) : g_str_has_prefix(both[1], name) && strcmp(name, both[0]));
+  }
+  tc_cpu_isas forced;
+  assert_true(tc_cpu_isa_choose("scalar", &forced, NULL));
+  assert_ptr_equal(forced.close, forced.distant);
   tc_renderer_free(chosen);
   tc_renderer_free(widest);
 }

@@ -21,9 +21,9 @@
 
 typedef struct cpu_backend {
   tc_pool *pool;
-  const tc_cpu_isa *isa;
+  tc_cpu_isas isas;
   tc_cover cover;
-  char device[80];
+  char device[80], variants[64];
 } cpu_backend;
 
 /* State of one frame, shared by its tiles. */
@@ -55,15 +55,17 @@ static void read_model(char *text, size_t size) {
 }
 
 static void *cpu_create(const tc_renderer_options *options, tc_pool *pool, GError **error) {
-  const tc_cpu_isa *isa = tc_cpu_isa_choose(options->isa, error);
-  if (!isa) return NULL;
+  tc_cpu_isas isas;
+  if (!tc_cpu_isa_choose(options->isa, &isas, error)) return NULL;
   cpu_backend *b = calloc(1, sizeof *b);
   if (!b) {
     tc_set_error(error, TC_ERROR_MEMORY, NULL, "cpu back end: out of memory");
     return NULL;
   }
   b->pool = pool;
-  b->isa = isa;
+  b->isas = isas;
+  g_strlcpy(b->variants, isas.close->name, sizeof b->variants);
+  if (isas.distant != isas.close) g_snprintf(b->variants, sizeof b->variants, "%s; %s for distant rays", isas.close->name, isas.distant->name);
   read_model(b->device, sizeof b->device);
   return b;
 }
@@ -73,8 +75,11 @@ static void cpu_destroy(void *instance) {
   free(instance);
 }
 static const char *cpu_device(void *instance) { return ((cpu_backend *)instance)->device; }
-static const char *cpu_instructions(void *instance) { return ((cpu_backend *)instance)->isa->instructions; }
-static const char *cpu_variant(void *instance) { return ((cpu_backend *)instance)->isa->name; }
+static const char *cpu_instructions(void *instance) { return ((cpu_backend *)instance)->isas.close->instructions; }
+static const char *cpu_variants(void *instance) { return ((cpu_backend *)instance)->variants; }
+static const char *cpu_variant(void *instance, const tc_plan_key *key, const tc_rays *rays) {
+  return tc_cpu_isa_for(&((cpu_backend *)instance)->isas, key, rays)->name;
+}
 static void cpu_forget(void *instance, uint64_t volume_serial) {}
 
 static tc_cpu_grid grid_of(const tc_volume *volume) {
@@ -280,19 +285,20 @@ static bool gather_counts(cpu_frame *f, int workers) {
 }
 
 /* Side of a unit in pixels: a unit takes at most UNIT_MS, unless a packet alone takes longer. */
-static int unit_side(const cpu_backend *b, const tc_frame_job *job) {
+static int unit_side(const cpu_backend *b, const tc_cpu_isa *isa, const tc_frame_job *job) {
   const int64_t pixels = (int64_t)job->frame->width * job->frame->height;
   int side = TILE;
   while (side > SMALL && pixels < (int64_t)LEAST_UNITS * tc_pool_threads(b->pool) * side * side) side /= 2;
-  while (side > SMALLEST && side * side * job->pixel_samples * b->isa->sample_ns > UNIT_MS * 1e6) side /= 2;
+  while (side > SMALLEST && side * side * job->pixel_samples * isa->sample_ns > UNIT_MS * 1e6) side /= 2;
   return side;
 }
 
 static bool cpu_render(void *instance, const tc_frame_job *job, GError **error) {
   cpu_backend *b = instance;
   const bool surface = job->key.mode == TC_MODE_ISOSURFACE;
-  cpu_frame f = {.job = job, .kernel = (surface ? b->isa->find_surface : b->isa->find)(&job->key)};
-  if (job->spans) f.kernel = tc_within_kernel(b->isa->instructions, &job->key);
+  const tc_cpu_isa *isa = tc_cpu_isa_for(&b->isas, &job->key, job->rays);
+  cpu_frame f = {.job = job, .kernel = (surface ? isa->find_surface : isa->find)(&job->key)};
+  if (job->spans) f.kernel = tc_within_kernel(isa->instructions, &job->key);
   if (!f.kernel) {
     char name[64];
     tc_plan_key_name(&job->key, name, sizeof name);
@@ -300,7 +306,7 @@ static bool cpu_render(void *instance, const tc_frame_job *job, GError **error) 
     return false;
   }
   f.resumed = job->frame->progress && job->frame->progress->units;
-  f.progress = tc_frame_cut(job->frame, unit_side(b, job), error);
+  f.progress = tc_frame_cut(job->frame, unit_side(b, isa, job), error);
   if (!f.progress) return false;
   f.workers = calloc((size_t)tc_pool_threads(b->pool), sizeof *f.workers);
   if (!f.workers) {
@@ -309,9 +315,9 @@ static bool cpu_render(void *instance, const tc_frame_job *job, GError **error) 
   }
   for (int i = 0; i < tc_pool_threads(b->pool); i++) f.workers[i].counts.until_poll = TC_CPU_POLL_STEPS;
   fill_args(&f.cast.args, job);
-  f.cast.args.near = b->isa->near;
-  f.cast.args.gather = b->isa->gather;
-  f.cast.args.near_slopes = b->isa->near && has_short_slopes(job->volume);
+  f.cast.args.near = isa->near;
+  f.cast.args.gather = isa->gather;
+  f.cast.args.near_slopes = isa->near && has_short_slopes(job->volume);
   f.cast.spans = job->spans, f.cast.width = job->frame->width, f.cast.height = job->frame->height;
   if (job->have.boxes && !fill_cover(b, job, &f.cast.args, error)) {
     free(f.workers);
@@ -332,6 +338,7 @@ const tc_backend_ops tc_cpu_backend = {.name = "cpu",
                                        .destroy = cpu_destroy,
                                        .device = cpu_device,
                                        .isa = cpu_instructions,
+                                       .variants = cpu_variants,
                                        .render = cpu_render,
                                        .forget = cpu_forget,
                                        .kernel_suffix = cpu_variant};

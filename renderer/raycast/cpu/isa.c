@@ -1,6 +1,8 @@
 #include "renderer/raycast/cpu/isa.h"
 
+#include <float.h>
 #include <glib.h>
+#include <math.h>
 #include <stdlib.h>
 #include <string.h>
 
@@ -28,6 +30,9 @@ static bool isa_runs(const tc_cpu_isa *isa) {
 }
 
 enum { SIDE = 48, NODES = 16, PIXELS = 16, ROUNDS = 5 };
+#define CLOSE 1.0f   /* spacing of the rays in the trials */
+#define DISTANT 3.0f
+#define LEAD 1.05 /* how many times faster AVX2 must be to draw beside a better instruction set: trials vary */
 
 /* A small dvr frame of 8-bit voxels, seen obliquely, under an empty table. spacing: of the rays, about half a voxel at 1. */
 static tc_cpu_args small_frame(const uint8_t *voxels, const float *table, float spacing) {
@@ -50,35 +55,29 @@ static tc_cpu_args small_frame(const uint8_t *voxels, const float *table, float 
   return a;
 }
 
-static int64_t time_us(const tc_cpu_isa *isa, tc_cpu_args *a, float *out) {
+static double time_us(const tc_cpu_isa *isa, tc_cpu_args *a, float *out) {
   tc_cpu_counts counts = {.until_poll = TC_CPU_POLL_STEPS};
   a->near = isa->near, a->gather = isa->gather;
   int64_t start = g_get_monotonic_time();
   isa->find(&a->key)(a, 0, 0, PIXELS, PIXELS, out, PIXELS, &counts);
-  return g_get_monotonic_time() - start;
+  return (double)(g_get_monotonic_time() - start);
 }
 
-/* The fastest of n variants: the one with the least sum, over a magnified frame and one whose rays lie too far apart for
- * neighbourhoods, of the minimum of several alternating rounds. Without memory for the trial: the last. */
-static const tc_cpu_isa *fastest(const tc_cpu_isa *variants, int n) {
-  enum { FRAMES = 2 };
-  static const float spacings[FRAMES] = {1, 3};
+/* The fastest of n variants that follow each other in the table: the one with the least minimum of several alternating rounds.
+ * Without memory for the trial: the last. */
+static const tc_cpu_isa *fastest(const tc_cpu_isa *variants, int n, float spacing) {
   uint8_t *voxels = calloc(1, SIDE * SIDE * SIDE + 64);
   float *table = calloc(4 * (2 * NODES + 3) * (NODES + 1), sizeof *table), *out = calloc(4 * PIXELS * PIXELS, sizeof *out);
+  tc_cpu_args a = small_frame(voxels, table, spacing);
+  double least[N_ISAS];
   int best = n - 1;
-  int64_t sums[N_ISAS] = {0};
-  for (int k = 0; voxels && table && out && k < FRAMES; k++) {
-    tc_cpu_args a = small_frame(voxels, table, spacings[k]);
-    int64_t least[N_ISAS];
-    for (int i = 0; i < n; i++) least[i] = INT64_MAX;
-    for (int round = 0; round < n * ROUNDS; round++) {
-      const int64_t us = time_us(&variants[round % n], &a, out);
-      if (us < least[round % n]) least[round % n] = us;
-    }
-    for (int i = 0; i < n; i++) sums[i] += least[i];
+  for (int i = 0; i < n; i++) least[i] = DBL_MAX;
+  for (int round = 0; voxels && table && out && round < n * ROUNDS; round++) {
+    const tc_cpu_isa *isa = &variants[round % n];
+    least[round % n] = fmin(least[round % n], time_us(isa, &a, out) * (strcmp(isa->instructions, variants[n - 1].instructions) ? LEAD : 1));
   }
   for (int i = 0; i < n; i++)
-    if (sums[i] < sums[best]) best = i;
+    if (least[i] < least[best]) best = i;
   free(voxels);
   free(table);
   free(out);
@@ -92,18 +91,38 @@ static void set_unknown(const char *wanted, GError **error) {
   g_string_free(names, TRUE);
 }
 
-const tc_cpu_isa *tc_cpu_isa_choose(const char *wanted, GError **error) {
+bool tc_cpu_isa_choose(const char *wanted, tc_cpu_isas *chosen, GError **error) {
   for (int i = N_ISAS - 1; i >= 0; i--) {
     if (wanted && strcmp(wanted, isas[i].name)) continue;
     if (!isa_runs(&isas[i])) {
       if (!wanted) continue;
       tc_set_error(error, TC_ERROR_INVALID, NULL, "this processor does not support %s, or this build leaves it out: choose another instruction set, or none", wanted);
-      return NULL;
+      return false;
     }
     int first = i;
     while (!wanted && first > 0 && !strcmp(isas[first - 1].instructions, isas[i].instructions)) first--;
-    return first < i ? fastest(&isas[first], i - first + 1) : &isas[i];
+    *chosen = (tc_cpu_isas){&isas[i], &isas[i]};
+    if (first == i) return true;
+    chosen->close = fastest(&isas[first], i - first + 1, CLOSE);
+    chosen->distant = fastest(&isas[first - 1], i - first + 2, DISTANT); /* AVX2 stands before AVX-512 */
+    return true;
   }
   set_unknown(wanted, error);
-  return NULL;
+  return false;
+}
+
+bool tc_cpu_rays_are_close(const tc_rays *rays, tc_voxel_type type) {
+  double parts = 1;
+  for (int k = 0; k < 3; k++) {
+    const double width = 3 * (fabs(rays->anchor_du[k]) + fabs(rays->anchor_dv[k])), cells = (k || type == TC_F32 ? 4 : 8) - 1;
+    if (width > cells - 1) parts *= (width + 1) / cells; /* as bound_lanes() in neighbourhood_tmpl.h judges each packet */
+  }
+  return parts <= TC_MOST_NEIGHBOURHOODS;
+}
+
+const tc_cpu_isa *tc_cpu_isa_for(const tc_cpu_isas *isas, const tc_plan_key *key, const tc_rays *rays) {
+  const tc_mode mode = (tc_mode)key->mode;
+  const bool chooses = mode == TC_MODE_DVR || mode == TC_MODE_MIP || mode == TC_MODE_MINIP || mode == TC_MODE_AVERAGE;
+  if (!chooses || key->filter != TC_FILTER_LINEAR || tc_cpu_rays_are_close(rays, (tc_voxel_type)key->voxel_type)) return isas->close;
+  return isas->distant;
 }

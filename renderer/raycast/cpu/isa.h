@@ -5,6 +5,7 @@
 
 #include "renderer/base/error.h"
 #include "renderer/raycast/cpu/kernels.h"
+#include "renderer/raycast/rays.h"
 
 typedef struct tc_cpu_isa {
   const char *name, *instructions; /* "avx512-gather", "avx512" */
@@ -13,9 +14,22 @@ typedef struct tc_cpu_isa {
   double sample_ns; /* rough time per sample of tc_estimate_samples() */
 } tc_cpu_isa;
 
+/* The variants a back end draws with: `close` where the rays of most packets lie close enough together for a neighbourhood, and in
+ * all modes but dvr and projections with linear interpolation; `distant` in other frames. */
+typedef struct tc_cpu_isas {
+  const tc_cpu_isa *close, *distant; /* static */
+} tc_cpu_isas;
+
 /* Finds a variant by name; TC_ERROR_INVALID for an unknown name, or an instruction set that this processor or this build lacks. wanted
- * NULL: the best instruction set of this processor, in the variant that is fastest in a trial of a few milliseconds,
- * because the costs of loads, gathers and permutations differ between processors. Static. */
-const tc_cpu_isa *tc_cpu_isa_choose(const char *wanted, GError **error);
+ * NULL: the fastest for each kind of frame in a trial of a few milliseconds, because the costs of loads, gathers and
+ * permutations differ between processors: of the best instruction set of this processor, or, for distant rays, AVX2. */
+bool tc_cpu_isa_choose(const char *wanted, tc_cpu_isas *chosen, GError **error);
+
+/* The variant for a frame. */
+const tc_cpu_isa *tc_cpu_isa_for(const tc_cpu_isas *isas, const tc_plan_key *key, const tc_rays *rays);
+
+/* Whether the rays of most packets fit a neighbourhood, judged by packets of 4 x 4 pixels where rays pass their anchors, at the
+ * depth of the volume's centre. */
+bool tc_cpu_rays_are_close(const tc_rays *rays, tc_voxel_type type);
 
 #endif

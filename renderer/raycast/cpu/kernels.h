@@ -58,6 +58,9 @@ typedef struct tc_cpu_labels {
   const float *outside; /* [5] */
 } tc_cpu_labels;
 
+/* Largest mean number of neighbourhoods per step of a packet for which loads are slower (neighbourhood_tmpl.h). */
+#define TC_MOST_NEIGHBOURHOODS 1.35f
+
 /* A frame's constants, read-only while kernels run. Pointers are borrowed; members that the plan does not name are
  * zero. */
 typedef struct tc_cpu_args {

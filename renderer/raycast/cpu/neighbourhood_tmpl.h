@@ -15,7 +15,6 @@
 #else
 #define LOADS_AHEAD true
 #endif
-#define MOST_NEIGHBOURHOODS 1.35f /* largest mean number of neighbourhoods per step for which loads are slower */
 
 /* The cells of all lanes at an inner step, as offsets in voxels, and the positions in them. */
 typedef struct inner_cells {
@@ -95,7 +94,7 @@ V_INLINE void bound_lanes(const tc_cpu_args *args, variant v, const packet *p, m
     m->rise[k] = (lo_end - lo) / steps;
     m->width[k] = width + 2 * slack;
   }
-  m->near = args->near && v.filter == TC_FILTER_LINEAR && parts <= MOST_NEIGHBOURHOODS;
+  m->near = args->near && v.filter == TC_FILTER_LINEAR && parts <= TC_MOST_NEIGHBOURHOODS;
   m->n_inner = 0, m->next_step = -1;
   const bool by_loads = LOADS_AHEAD && v.filter == TC_FILTER_LINEAR && !v.any_type && may_load_unclamped(p, m);
   if ((m->near && !phased(v)) || by_loads) find_inner(args, v, p, m);

@@ -151,7 +151,7 @@ static bool builds_table(void *instance, const tc_table_params *params, const ch
   return tc_gl_builder_serves(&((gl_backend *)instance)->builder, params->n, params->n_subtables, params->bits, why);
 }
 
-static const char *kernel_suffix(void *instance) { return "gl"; }
+static const char *kernel_suffix(void *instance, const tc_plan_key *key, const tc_rays *rays) { return "gl"; }
 
 /* ---- one frame ---- */
 
@@ -480,6 +480,7 @@ const tc_backend_ops tc_gl_backend = {
     .destroy = destroy,
     .device = device,
     .isa = isa,
+    .variants = isa,
     .render = render,
     .deaf_ms = deaf_ms,
     .ready = ready,
