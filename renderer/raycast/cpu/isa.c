@@ -32,7 +32,7 @@ static bool isa_runs(const tc_cpu_isa *isa) {
 enum { SIDE = 48, NODES = 16, PIXELS = 16, ROUNDS = 5 };
 #define CLOSE 1.0f   /* spacing of the rays in the trials */
 #define DISTANT 3.0f
-#define LEAD 1.05 /* how many times faster AVX2 must be to draw beside a better instruction set: trials vary */
+#define LEAD 1.05 /* how many times faster than the table's last variant another must be: trials vary */
 
 /* A small dvr frame of 8-bit voxels, seen obliquely, under an empty table. spacing: of the rays, about half a voxel at 1. */
 static tc_cpu_args small_frame(const uint8_t *voxels, const float *table, float spacing) {
@@ -63,8 +63,8 @@ static double time_us(const tc_cpu_isa *isa, tc_cpu_args *a, float *out) {
   return (double)(g_get_monotonic_time() - start);
 }
 
-/* The fastest of n variants that follow each other in the table: the one with the least minimum of several alternating rounds.
- * Without memory for the trial: the last. */
+/* The fastest of n variants that follow each other in the table, by the minimum of several alternating rounds: the last, unless
+ * another leads by LEAD. Without memory for the trial: the last. */
 static const tc_cpu_isa *fastest(const tc_cpu_isa *variants, int n, float spacing) {
   uint8_t *voxels = calloc(1, SIDE * SIDE * SIDE + 64);
   float *table = calloc(4 * (2 * NODES + 3) * (NODES + 1), sizeof *table), *out = calloc(4 * PIXELS * PIXELS, sizeof *out);
@@ -73,8 +73,8 @@ static const tc_cpu_isa *fastest(const tc_cpu_isa *variants, int n, float spacin
   int best = n - 1;
   for (int i = 0; i < n; i++) least[i] = DBL_MAX;
   for (int round = 0; voxels && table && out && round < n * ROUNDS; round++) {
-    const tc_cpu_isa *isa = &variants[round % n];
-    least[round % n] = fmin(least[round % n], time_us(isa, &a, out) * (strcmp(isa->instructions, variants[n - 1].instructions) ? LEAD : 1));
+    const int i = round % n;
+    least[i] = fmin(least[i], time_us(&variants[i], &a, out) * (i < n - 1 ? LEAD : 1));
   }
   for (int i = 0; i < n; i++)
     if (least[i] < least[best]) best = i;
