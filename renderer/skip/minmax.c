@@ -65,8 +65,15 @@ static int last_voxel(const tc_minmax *m, int index, int n) {
       }                                                                                                              \
     for (int r = 0; r < s.rows; r++, pair += 2 * m->blocks[0]) {                                                     \
       const type *lo = lows + (size_t)r * (size_t)nx, *hi = highs + (size_t)r * (size_t)nx;                          \
-      for (int x = 0; x < nx; x++) least[x] = lo[x], most[x] = hi[x];                                                \
-      for (int k = 1; k < m->block + 1 + 2 * m->reach; k++)                                                          \
+      for (int x = 0; x < nx - 2; x++) { /* the first three: no block has fewer */                                   \
+        const type l = lo[x + 1] < lo[x] ? lo[x + 1] : lo[x], h = hi[x + 1] > hi[x] ? hi[x + 1] : hi[x];             \
+        least[x] = lo[x + 2] < l ? lo[x + 2] : l, most[x] = hi[x + 2] > h ? hi[x + 2] : h;                           \
+      }                                                                                                              \
+      for (int x = nx < 2 ? 0 : nx - 2; x < nx; x++) {                                                               \
+        least[x] = lo[nx - 1] < lo[x] ? lo[nx - 1] : lo[x];                                                          \
+        most[x] = hi[nx - 1] > hi[x] ? hi[nx - 1] : hi[x];                                                           \
+      }                                                                                                              \
+      for (int k = 3; k < m->block + 1 + 2 * m->reach; k++)                                                          \
         for (int x = 0; x < nx - k; x++) {                                                                           \
           least[x] = lo[x + k] < least[x] ? lo[x + k] : least[x];                                                    \
           most[x] = hi[x + k] > most[x] ? hi[x + k] : most[x];                                                       \
