@@ -10,7 +10,7 @@
 #include "renderer/skip/fine.h"
 
 #define FINES TC_BOX_FINES
-#define GROUP 16 /* records tested together: their fine boxes in a row are 48 bits, whole bytes */
+#define GROUP (TC_FINE_GROUP / FINES) /* records tested together */
 #define THIRDS 0x249249249249 /* the first of every three bits, of 48 */
 #define TASK_FINES (1 << 20) /* fine boxes per task: a millisecond at most */
 
@@ -18,7 +18,6 @@
 typedef struct found {
   tc_box *items;
   size_t count, capacity, empty; /* empty: records */
-  uint8_t *bits; /* FINES * FINES rows */
   bool failed;
 } found;
 
@@ -28,7 +27,6 @@ typedef struct tc_boxing {
   __m128i from[TC_FINE_RANGES], to[TC_FINE_RANGES]; /* their bounds, sixteen times */
   int n[3];         /* records along each axis */
   bool *full;       /* records without any empty fine box */
-  size_t row_bytes; /* of a row of bits */
   int strips, rows; /* tasks per two layers of records; rows of records per task, even */
   int next;         /* task */
   int n_workers;
@@ -51,31 +49,42 @@ static void emit(found *f, const int at[3], int size, uint32_t fine) {
 
 static int least(int a, int b) { return a < b ? a : b; }
 
-/* Sets a bit for each fine box of a row that is occupied (in no empty range). */
-static void read_bits(const boxes_job *job, int y, int z, uint8_t *bits) {
-  const tc_fine *f = job->fine;
-  const int n = f->grid.blocks[0], ranges = job->ranges.count;
-  const size_t at = ((size_t)z * (size_t)f->grid.blocks[1] + (size_t)y) * (size_t)n;
-  const uint8_t *minima = f->least + at, *maxima = f->most + at;
+/* Which of sixteen pairs of bins lie in an empty range, one bit each. */
+static unsigned empty_bits(const boxes_job *job, __m128i least, __m128i most) {
+  __m128i empty = _mm_setzero_si128();
+  for (int r = 0; r < job->ranges.count; r++) {
+    const __m128i inside = _mm_and_si128(_mm_cmpeq_epi8(_mm_max_epu8(least, job->from[r]), least),
+                                         _mm_cmpeq_epi8(_mm_min_epu8(most, job->to[r]), most));
+    empty = _mm_or_si128(empty, inside);
+  }
+  return (unsigned)_mm_movemask_epi8(empty);
+}
+
+static __m128i sixteen(const uint8_t *p) { return _mm_loadu_si128((const __m128i *)(const void *)p); }
+
+/* Which of sixteen groups, from number `group` of each of the rows on, are empty in all rows, one bit each. */
+static unsigned empty_groups(const boxes_job *job, const size_t *row, int rows, int group) {
+  __m128i least = _mm_set1_epi8(-1), most = _mm_setzero_si128();
+  for (int k = 0; k < rows; k++) {
+    const size_t at = row[k] * (size_t)job->fine->groups + (size_t)group;
+    least = _mm_min_epu8(least, sixteen(job->fine->group_least + at));
+    most = _mm_max_epu8(most, sixteen(job->fine->group_most + at));
+  }
+  return empty_bits(job, least, most);
+}
+
+/* Bits of the occupied ones (in no empty range) of `count` fine boxes from number `at` on, at most a group. */
+static uint64_t read_bits(const boxes_job *job, size_t at, int count) {
+  const uint8_t *minima = job->fine->least + at, *maxima = job->fine->most + at;
   /* Rows are too short for the processor's own prefetcher. */
-  const uintptr_t ahead = 2 * FINES * (uintptr_t)n; /* of the next two records */
-  for (int x = 0; x < n; x += 64) {
+  const uintptr_t ahead = 2 * FINES * (uintptr_t)job->fine->grid.blocks[0]; /* of the next two records */
+  uint64_t some = 0;
+  for (int x = 0; x < count; x += 16) {
     __builtin_prefetch((const void *)((uintptr_t)(minima + x) + ahead));
     __builtin_prefetch((const void *)((uintptr_t)(maxima + x) + ahead));
+    some |= (uint64_t)(0xffff ^ empty_bits(job, sixteen(minima + x), sixteen(maxima + x))) << x;
   }
-  for (int x = 0; x < n; x += 16) {
-    const __m128i lo = _mm_loadu_si128((const __m128i *)(const void *)(minima + x));
-    const __m128i hi = _mm_loadu_si128((const __m128i *)(const void *)(maxima + x));
-    __m128i empty = _mm_setzero_si128();
-    for (int r = 0; r < ranges; r++) {
-      const __m128i inside = _mm_and_si128(_mm_cmpeq_epi8(_mm_max_epu8(lo, job->from[r]), lo),
-                                           _mm_cmpeq_epi8(_mm_min_epu8(hi, job->to[r]), hi));
-      empty = _mm_or_si128(empty, inside);
-    }
-    uint16_t some = (uint16_t)~_mm_movemask_epi8(empty);
-    if (x + 16 > n) some &= (uint16_t)((1 << (n - x)) - 1);
-    memcpy(bits + x / 8, &some, sizeof some);
-  }
+  return some & ~(uint64_t)0 >> (64 - count);
 }
 
 /* Emits the records of a row. Full ones are only marked, because they may be merged. Returns whether there are any. */
@@ -83,22 +92,30 @@ static bool cut_row(boxes_job *job, int y, int z, found *out) {
   const int *n = job->fine->grid.blocks, w = job->fine->grid.block;
   bool *full = job->full + ((size_t)z * (size_t)job->n[1] + (size_t)y) * (size_t)job->n[0];
   int place[FINES * FINES], rows = 0;
+  size_t number[FINES * FINES]; /* of a row of fine boxes */
+  unsigned empty_of_16 = 0;
   bool marked = false;
   for (int k = 0; k < FINES * FINES; k++) {
-    if (FINES * y + k % FINES >= n[1] || FINES * z + k / FINES >= n[2]) continue;
-    read_bits(job, FINES * y + k % FINES, FINES * z + k / FINES, out->bits + (size_t)rows * job->row_bytes);
+    const int fy = FINES * y + k % FINES, fz = FINES * z + k / FINES;
+    if (fy >= n[1] || fz >= n[2]) continue;
+    number[rows] = (size_t)fz * (size_t)n[1] + (size_t)fy;
     place[rows++] = FINES * k;
   }
   for (int x0 = 0; x0 < job->n[0]; x0 += GROUP) {
+    const int group = x0 / GROUP, records = least(GROUP, job->n[0] - x0);
+    if (group % 16 == 0) empty_of_16 = empty_groups(job, number, rows, group);
+    if (empty_of_16 >> group % 16 & 1) {
+      out->empty += (size_t)records;
+      continue;
+    }
     const int left = n[0] - FINES * x0; /* fine boxes of the row */
     uint64_t row[FINES * FINES], any = 0, all = left < FINES * GROUP ? ~(uint64_t)0 << left : 0, common = ~(uint64_t)0;
     for (int k = 0; k < rows; k++) {
-      memcpy(&row[k], out->bits + (size_t)k * job->row_bytes + x0 / 8 * FINES, sizeof row[k]);
+      row[k] = read_bits(job, number[k] * (size_t)n[0] + (size_t)(FINES * x0), least(left, TC_FINE_GROUP));
       any |= row[k];
       common &= row[k];
     }
     all |= common;
-    const int records = least(GROUP, job->n[0] - x0);
     const uint64_t there = THIRDS & ~(uint64_t)0 >> (64 - FINES * records);
     any = (any | any >> 1 | any >> 2) & there;
     all = all & all >> 1 & all >> 2 & any;
@@ -179,7 +196,6 @@ static void end_boxing(tc_boxes *boxes) {
   boxes_job *job = boxes->begun;
   if (!job) return;
   for (int i = 0; i < job->n_workers && job->workers; i++) free(job->workers[i].items);
-  if (job->workers) free(job->workers[0].bits);
   free(job->workers);
   free(job->full);
   free(job);
@@ -196,14 +212,10 @@ bool tc_boxes_serve(const tc_volume *volume) {
   return dims[0] <= TC_BOX_REACH && dims[1] <= TC_BOX_REACH && dims[2] <= TC_BOX_REACH;
 }
 
-/* Allocates the memory of a job; the workers' rows of bits share one allocation. */
 static bool reserve(boxes_job *job) {
-  const size_t each = FINES * FINES * job->row_bytes;
   job->full = calloc(record_count(job), sizeof *job->full);
   job->workers = calloc((size_t)job->n_workers, sizeof *job->workers);
-  uint8_t *bits = job->workers ? calloc((size_t)job->n_workers, each) : NULL;
-  for (int i = 0; i < job->n_workers && bits; i++) job->workers[i].bits = bits + (size_t)i * each;
-  return job->full && bits;
+  return job->full && job->workers;
 }
 
 tc_boxes *tc_boxes_begin(const tc_fine *fine, const tc_support *support, tc_pool *pool, GError **error) {
@@ -214,7 +226,6 @@ tc_boxes *tc_boxes_begin(const tc_fine *fine, const tc_support *support, tc_pool
   if (boxes && job) {
     for (int k = 0; k < 3; k++) job->n[k] = (fine->grid.blocks[k] + FINES - 1) / FINES;
     job->n_workers = tc_pool_threads(pool);
-    job->row_bytes = (size_t)fine->grid.blocks[0] / 8 + 16; /* whole vectors, and words read at any byte */
   }
   if (!boxes || !job || !reserve(job)) {
     if (!boxes) free(job);

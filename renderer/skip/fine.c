@@ -57,11 +57,15 @@ static bool reserve(tc_fine *f, const tc_volume *volume, int block, size_t most_
   size_t plane = tc_minmax_blocks(volume, f->grid.block, f->grid.blocks) + TC_FINE_PAD;
   while (2 * plane > most_bytes && f->grid.block < MOST_WIDTH)
     plane = tc_minmax_blocks(volume, ++f->grid.block, f->grid.blocks) + TC_FINE_PAD;
-  f->bytes = 2 * plane + (size_t)f->levels;
+  f->groups = (f->grid.blocks[0] + TC_FINE_GROUP - 1) / TC_FINE_GROUP;
+  const size_t groups = (size_t)f->groups * (size_t)f->grid.blocks[1] * (size_t)f->grid.blocks[2] + TC_FINE_PAD;
+  f->bytes = 2 * (plane + groups) + (size_t)f->levels;
   f->least = tc_reserve(f->bytes, 1);
   if (!f->least) return false;
   f->most = f->least + plane;
-  f->bins = f->most + plane;
+  f->group_least = f->most + plane;
+  f->group_most = f->group_least + groups;
+  f->bins = f->group_most + groups;
   for (int i = 0; i < TC_FINE_PAD; i++) f->least[plane - 1 - (size_t)i] = f->most[plane - 1 - (size_t)i] = 0;
   return true;
 }
@@ -105,8 +109,7 @@ tc_fine *tc_fine_begin(const tc_volume *volume, int block, int reach, size_t mos
 #define FROM_I8(v) (v + 128)
 #define FROM_I16(v) (v + 32768)
 #define OF_FLOAT(v) level_of(f, (double)v)
-static void bin(void *user, size_t first, size_t count, const void *pairs) {
-  const tc_fine *f = user;
+static void bin(const tc_fine *f, size_t first, size_t count, const void *pairs) {
   const uint8_t *restrict bins = f->bins;
   uint8_t *restrict least = f->least + first, *restrict most = f->most + first;
   switch (f->grid.type) {
@@ -119,9 +122,33 @@ static void bin(void *user, size_t first, size_t count, const void *pairs) {
   }
 }
 
+/* Minima and maxima over the groups of a row. */
+static void group_row(const tc_fine *f, size_t row) {
+  const int n = f->grid.blocks[0];
+  const uint8_t *least = f->least + row * (size_t)n, *most = f->most + row * (size_t)n;
+  for (int g = 0; g < f->groups; g++) {
+    const int end = n < (g + 1) * TC_FINE_GROUP ? n : (g + 1) * TC_FINE_GROUP;
+    uint8_t lo = 255, hi = 0;
+    for (int x = g * TC_FINE_GROUP; x < end; x++) {
+      lo = least[x] < lo ? least[x] : lo;
+      hi = most[x] > hi ? most[x] : hi;
+    }
+    f->group_least[row * (size_t)f->groups + (size_t)g] = lo;
+    f->group_most[row * (size_t)f->groups + (size_t)g] = hi;
+  }
+}
+
+/* A tc_minmax_sink. */
+static void take(void *user, size_t first, size_t count, const void *pairs) {
+  const tc_fine *f = user;
+  const size_t n = (size_t)f->grid.blocks[0];
+  bin(f, first, count, pairs);
+  for (size_t row = first / n; row < (first + count) / n; row++) group_row(f, row);
+}
+
 bool tc_fine_go_on(tc_fine *f, const tc_volume *volume, tc_pool *pool, GError **error) {
   const double start = tc_now_ms();
-  const bool made = tc_minmax_each(&f->grid, volume, pool, bin, f, error);
+  const bool made = tc_minmax_each(&f->grid, volume, pool, take, f, error);
   f->build_ms += tc_now_ms() - start;
   return made;
 }

@@ -4,17 +4,21 @@
  * Values are binned: an 8-bit value is its own bin; other types have 256 bins, a compromise between equal width and
  * equal number of voxels, so that bins are narrow where voxels are frequent. A bin is empty if all of its values lie in
  * one empty range (skip/empty_ranges.h), so binning loses only the bin that contains a knot. Two bytes per eight
- * voxels: a quarter of the bytes of an 8-bit volume, an eighth of a 16-bit one. */
+ * voxels: a quarter of the bytes of an 8-bit volume, an eighth of a 16-bit one. The least and the most of each group of boxes
+ * along x tell that a group is empty without reading its boxes. */
 #ifndef TC_SKIP_FINE_H
 #define TC_SKIP_FINE_H
 
 #include "renderer/skip/skip.h"
 
 #define TC_FINE_PAD 16 /* readable bytes behind each plane */
+#define TC_FINE_GROUP 48
 
 typedef struct tc_fine {
   tc_minmax grid;        /* acceleration grid with blocks of the size of a fine box; its pairs are not kept */
   uint8_t *least, *most; /* [blocks z][blocks y][blocks x]: bins of the minima and maxima */
+  uint8_t *group_least, *group_most; /* [blocks z][blocks y][groups]: the least and the most of each group along x */
+  int groups; /* of a row, TC_FINE_GROUP fine boxes each; the last may have fewer */
   uint8_t *bins; /* [levels] bin of each level; levels are all values of an 8- or 16-bit type, or 65,536 steps of a
                     float's range */
   int levels;

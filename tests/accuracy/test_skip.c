@@ -236,15 +236,15 @@ TEST(map_is_right) {
 #define WIDE 60
 
 static double wide_field(double x, double y, double z, const void *context) {
-  return WIDE * blob_field(x, y, z, context);
+  return WIDE * blob_field(fmod(x, 1789), y, z, context); /* again where a row's seventeenth group and later ones are */
 }
 
-/* Of far more values than there are bins. */
+/* Of far more values than there are bins; every fourth one so long that its rows have more than sixteen groups of fine boxes. */
 static tc_volume *wide_volume(uint64_t *state) {
   static const tc_voxel_type types[] = {TC_U16, TC_I16, TC_F32};
   const blobs b = {*state, 1 + (int)(6 * test_random(state)), 12 * test_random(state), {1, 1, 1}};
-  const test_grid g = {.dims = {30 + (int)(40 * test_random(state)), 40, 50},
-                       .type = types[(int)(3 * test_random(state))]};
+  test_grid g = {.dims = {30 + (int)(180 * test_random(state)), 40, 50}, .type = types[(int)(3 * test_random(state))]};
+  if (test_random(state) < 0.25) g.dims[0] += 4 * 16 * TC_FINE_GROUP, g.dims[1] = 9;
   return test_volume(&g, wide_field, &b);
 }
 
@@ -259,8 +259,21 @@ static void mark_records(const tc_boxes *b, const int n[3], bool *named) {
       int at[3] = {box->at[0] / b->block + i % wide, box->at[1] / b->block + i / wide % wide,
                    box->at[2] / b->block + i / wide / wide};
       if (box->fine && !(box->fine >> i & 1)) continue;
+      assert_true(!box->fine || (at[0] < n[0] && at[1] < n[1] && at[2] < n[2])); /* whole boxes may reach beyond */
       if (at[0] < n[0] && at[1] < n[1] && at[2] < n[2]) named[(at[2] * n[1] + at[1]) * n[0] + at[0]] = true;
     }
+  }
+}
+
+/* The least and the most of each group of fine boxes. */
+static void check_groups(const tc_fine *f) {
+  const int n = f->grid.blocks[0], rows = f->grid.blocks[1] * f->grid.blocks[2];
+  assert_int_equal(f->groups, (n + TC_FINE_GROUP - 1) / TC_FINE_GROUP);
+  for (int i = 0; i < rows * f->groups; i++) {
+    const int row = i / f->groups, first = i % f->groups * TC_FINE_GROUP;
+    int least = 255, most = 0;
+    for (int x = first; x < MIN(first + TC_FINE_GROUP, n); x++) least = MIN(least, f->least[row * n + x]), most = MAX(most, f->most[row * n + x]);
+    assert_true(f->group_least[i] == least && f->group_most[i] == most);
   }
 }
 
@@ -278,6 +291,7 @@ TEST(boxes_hold_what_shows) {
     g_autoptr(tc_support) support = support_of(v, &s.transfer_function);
     g_autoptr(tc_fine) fine = tc_fine_begin(v, 5, reach, trial % 4 ? SIZE_MAX : 3000, NULL);
     assert_true(tc_fine_go_on(fine, v, NULL, NULL));
+    check_groups(fine);
     g_autoptr(tc_boxes) boxes = tc_boxes_begin(fine, support, NULL, NULL);
     assert_true(tc_boxes_go_on(boxes, fine, NULL, NULL));
     g_autoptr(tc_minmax) m = tc_minmax_build(v, boxes->block, reach, NULL, NULL);
