@@ -52,13 +52,19 @@ static void set_levels(tc_fine *f, const tc_volume *volume) {
   f->scale = type != TC_F32 ? 1 : range > 0 ? (LEVELS - 1) / range : 0;
 }
 
-static bool reserve(tc_fine *f, const tc_volume *volume, int block, size_t most_bytes) {
-  f->grid.block = block / 2 > 2 ? block / 2 : 2;
-  size_t plane = tc_minmax_blocks(volume, f->grid.block, f->grid.blocks) + TC_FINE_PAD;
-  while (2 * plane > most_bytes && f->grid.block < MOST_WIDTH)
-    plane = tc_minmax_blocks(volume, ++f->grid.block, f->grid.blocks) + TC_FINE_PAD;
+/* Sets the number of fine boxes of this width, and of groups, along each axis; the bytes of a plane of each. */
+static void set_width(tc_fine *f, const tc_volume *volume, int width, size_t *plane, size_t *groups) {
+  f->grid.block = width;
+  *plane = tc_minmax_blocks(volume, width, f->grid.blocks) + TC_FINE_PAD;
   f->groups = (f->grid.blocks[0] + TC_FINE_GROUP - 1) / TC_FINE_GROUP;
-  const size_t groups = (size_t)f->groups * (size_t)f->grid.blocks[1] * (size_t)f->grid.blocks[2] + TC_FINE_PAD;
+  *groups = (size_t)f->groups * (size_t)f->grid.blocks[1] * (size_t)f->grid.blocks[2] + TC_FINE_PAD;
+}
+
+static bool reserve(tc_fine *f, const tc_volume *volume, int block, size_t most_bytes) {
+  size_t plane, groups;
+  set_width(f, volume, block / 2 > 2 ? block / 2 : 2, &plane, &groups);
+  while (2 * (plane + groups) > most_bytes && f->grid.block < MOST_WIDTH)
+    set_width(f, volume, f->grid.block + 1, &plane, &groups);
   f->bytes = 2 * (plane + groups) + (size_t)f->levels;
   f->least = tc_reserve(f->bytes, 1);
   if (!f->least) return false;

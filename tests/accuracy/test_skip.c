@@ -161,12 +161,19 @@ TEST(zones_are_empty) {
 
 static double pair_of(const tc_minmax *m, size_t block, int which) { return tc_voxel_at(m->type, m->pairs, 2 * block + (size_t)which); }
 
+/* Rows so long that a task of the build has fewer rows of blocks than usual. */
+static tc_volume *long_volume(uint64_t *state) {
+  const blobs b = {*state, 6, 12 * test_random(state), {1, 1, 1}};
+  const test_grid g = {.dims = {4001, 60, 9}, .type = (tc_voxel_type)(5 * test_random(state))};
+  return test_volume(&g, blob_field, &b);
+}
+
 /* Every block's pair against its voxels, one voxel more to all sides under a cubic filter: odd sizes, several strips of rows. */
 TEST(pairs_are_exact) {
   uint64_t state = 29;
   size_t blocks = 0;
   for (int trial = 0; trial < 60; trial++) {
-    g_autoptr(tc_volume) v = random_volume(&state);
+    g_autoptr(tc_volume) v = trial % 10 ? random_volume(&state) : long_volume(&state);
     const tc_volume_desc *d = tc_volume_describe(v);
     g_autoptr(tc_minmax) m = tc_minmax_build(v, 2 + trial % 7, trial / 7 % 2, NULL, NULL);
     const int nx = m->blocks[0], ny = m->blocks[1], n = nx * ny * m->blocks[2];
@@ -289,7 +296,9 @@ TEST(boxes_hold_what_shows) {
     for (size_t k = 0; k < s.transfer_function.count && trial % 2; k++) s.transfer_function.points[k].value *= WIDE;
     const int reach = trial % 3 == 0;
     g_autoptr(tc_support) support = support_of(v, &s.transfer_function);
-    g_autoptr(tc_fine) fine = tc_fine_begin(v, 5, reach, trial % 4 ? SIZE_MAX : 3000, NULL);
+    const size_t most = trial % 4 ? SIZE_MAX : 3000; /* bytes, but for the bins of levels */
+    g_autoptr(tc_fine) fine = tc_fine_begin(v, 5, reach, most, NULL);
+    assert_true(fine->bytes - (size_t)fine->levels <= most);
     assert_true(tc_fine_go_on(fine, v, NULL, NULL));
     check_groups(fine);
     g_autoptr(tc_boxes) boxes = tc_boxes_begin(fine, support, NULL, NULL);
