@@ -151,13 +151,13 @@ static void unmap(spare s) {
 #define PAGE ((size_t)2 << 20)
 #define MOST_SPARE (20 * PAGE) /* keeps tables of up to 1024 nodes, 34 MB; no budget counts these bytes */
 
-/* Zeroed memory, in huge pages if available, and the rest behind the last whole one in small pages: the first touch of memory
- * costs about 2 ms a MiB in a virtual machine (AMD EPYC, Zen 3). The largest tables use small pages alone, because no look-up
- * reads half of their entries, whose pages are then never allocated. */
+/* Zeroed memory, in huge pages if available. What lies behind the last whole one is in small pages: a second huge page added 4 ms
+ * to the build of a table of 256 nodes, at its first touch (virtual machine, AMD EPYC, Zen 3). The largest tables use small
+ * pages alone, because no look-up reads half of their entries, whose pages are then never allocated. */
 static void *reserve(size_t *bytes) {
   const size_t page = PAGE;
   bool large = *bytes >= page / 2 && *bytes <= 32 * page;
-  const size_t size = (*bytes + 4095) & ~(size_t)4095, spare = large ? page : 0;
+  const size_t size = large && *bytes < page ? page : (*bytes + 4095) & ~(size_t)4095, spare = large ? page : 0;
   char *from = mmap(NULL, size + spare, PROT_READ | PROT_WRITE, MAP_PRIVATE | MAP_ANONYMOUS, -1, 0);
   if (from == MAP_FAILED) return NULL;
   size_t before = large ? (size_t)(-(uintptr_t)from) & (page - 1) : 0;
