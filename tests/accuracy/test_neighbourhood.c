@@ -194,10 +194,10 @@ static double neighbourhoods_of(const tc_rays *r, tc_voxel_type type) {
 TEST(rays_are_close_where_a_packet_fits_a_neighbourhood) {
   uint64_t state = 53;
   int close = 0, distant = 0, wrong = 0;
+  tc_volume *volumes[2] = {NULL, NULL};
   for (int trial = 0; trial < 2000; trial++) {
     const test_grid g = {.dims = {64, 50, 40}, .type = trial % 2 ? TC_F32 : TC_U8, .spacing = {1, 1.5, 0.5 + test_random(&state)}};
     const unsigned seed = 3;
-    static tc_volume *volumes[2];
     if (!volumes[trial % 2]) volumes[trial % 2] = test_volume(&g, rough_waves, &seed);
     g_auto(tc_scene) scene;
     const double near = 0.1 + test_random(&state), side[3] = {test_random(&state) - 0.5, test_random(&state) - 0.5, test_random(&state) - 0.5};
@@ -216,6 +216,7 @@ TEST(rays_are_close_where_a_packet_fits_a_neighbourhood) {
   }
   printf("  %d close, %d distant, %d otherwise than the rays say\n", close, distant, wrong);
   assert_true(close > 300 && distant > 300 && wrong == 0);
+  for (int i = 0; i < 2; i++) tc_volume_unref(volumes[i]);
 }
 
 TEST(distant_rays_of_linear_dvr_and_projections_get_their_own_variant) {
@@ -252,7 +253,6 @@ TEST(the_fastest_variants_are_chosen_at_start) {
   test_scene_frame(&scene, volume, TC_PERSPECTIVE, (double[]){0.4, -0.3, 0.2});
   for (int large = 0; large < 2; large++) {
     tc_explanation plan;
-    g_auto(tc_frame) frame = {0};
     scene.image.width = scene.image.height = large ? 2048 : 64;
     assert_true(tc_renderer_explain(chosen, volume, &scene, NULL, &plan, NULL));
     const char *name = strrchr(plan.kernel, '.') + 1;

@@ -217,7 +217,7 @@ test('what a picture keeps while others have their turn is counted until it is d
 });
 
 // What only building or drawing tells: 67 MB of coefficients; layers of translucent surfaces in a volume. Beside both volumes
-// either budget has at least 36 MB left, which is more than a sanitizer's decoder takes.
+// either budget has at least 36 MB left, which is more than a sanitizer's decoder takes (28 MB).
 for (const [what, kind, n, budget, image, scene] of [
   ['coefficients', 'caches', 256, 100, { width: 64, height: 64 }, { filter: 'cubic', sampling: { prefilter: true } }],
   ['layers', 'frames', 64, 62, { width: 350, height: 350 }, { mesh: { withVolume: true, surfaces: shells } }],
@@ -230,7 +230,7 @@ for (const [what, kind, n, budget, image, scene] of [
     await settled(d, 'shown');
     const { json } = await d.post('/v1/sessions', { volume: 'shown' });
     const refused = await d.post('/v1/render', picture);
-    assert.match(problem(refused, 503).detail, new RegExp(`memory is used up: ${kind} need .*volumes [234]`));
+    assert.match(problem(refused, 503).detail, new RegExp(`memory is used up: ${kind} need .*volumes [23]`));
     assert.ok(Number(refused.headers.get('retry-after')) >= 1);
     await d.delete(json.links.self);
     const drawn = await d.post('/v1/render', picture);

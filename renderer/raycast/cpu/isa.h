@@ -14,8 +14,8 @@ typedef struct tc_cpu_isa {
   double sample_ns; /* rough time per sample of tc_estimate_samples() */
 } tc_cpu_isa;
 
-/* The variants a back end draws with: `close` where the rays of most packets lie close enough together for a neighbourhood, and in
- * all modes but dvr and projections with linear interpolation; `distant` in other frames. */
+/* The variants a back end draws with. Frames of dvr and of projections, by linear interpolation, whose rays lie too far apart for
+ * neighbourhoods are drawn by `distant`, all others by `close`. */
 typedef struct tc_cpu_isas {
   const tc_cpu_isa *close, *distant; /* static */
 } tc_cpu_isas;
