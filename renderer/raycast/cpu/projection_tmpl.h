@@ -7,6 +7,7 @@
 
 #define LEAST_INTERVALS 4  /* shorter rays gain nothing from skipping */
 #define MOST_INTERVALS 128 /* intervals ranked together */
+#define BAND 16            /* levels that rank alike */
 #define LEAST_SAMPLES 4    /* of an interval that one look-up serves for all lanes */
 #define LONGEST_WAIT 31    /* packets */
 
@@ -154,25 +155,46 @@ V_INLINE void sample_interval(const tc_cpu_args *args, variant v, const packet *
   }
 }
 
-/* The packet samples its interval of the highest level first, then the next, until none is above any lane's maximum.
+/* The lowest present maximum of the live rays, in levels: no interval of that level or below raises one. */
+V_INLINE float least_risen(const tc_cpu_args *args, const peak *have, vm live) {
+  return v_least(v_select(live, risen(args, have), v_set(1e9f)));
+}
+
+/* The packet samples its intervals of the highest band of levels first, then those of the next, until none is above any
+ * lane's maximum. Within a band, neighbouring intervals are one march: a march per interval, in the order of single levels,
+ * leaves out hardly more samples, but each of its starts waits for memory.
  * levels: of n intervals from sample `first` on. Returns how many were sampled. */
 V_INLINE int climb(const tc_cpu_args *args, variant v, const packet *p, march *m, int first, int interval,
                    const float *levels, int n, vm live, peak *have, tc_cpu_counts *counts) {
-  uint8_t head[256] = {0}, next[MOST_INTERVALS]; /* intervals of each level, numbered from 1, as lists that end in 0 */
+  uint8_t head[256 / BAND] = {0}, next[MOST_INTERVALS]; /* intervals of each band, numbered from 1, as lists that end in 0 */
   int visits = 0, highest = 0;
   for (int k = n; k-- > 0;) {
-    const int level = (int)levels[k];
-    next[k] = head[level];
-    head[level] = (uint8_t)(k + 1);
-    highest = level > highest ? level : highest;
+    if (levels[k] == 0) continue;
+    const int band = (int)levels[k] / BAND;
+    next[k] = head[band];
+    head[band] = (uint8_t)(k + 1);
+    highest = band > highest ? band : highest;
   }
-  for (int level = highest; level > 0; level--)
-    for (int k = head[level]; k; k = next[k - 1], visits++) {
-      const vm chosen = m_and(live, v_lt(risen(args, have), v_set((float)level)));
-      if (!m_any(chosen)) return visits;
-      sample_interval(args, v, p, m, first + (k - 1) * interval, interval, chosen, have, counts);
+  const int merged = 1 + TC_CPU_POLL_STEPS / interval; /* at most: the halt is polled between marches */
+  for (int band = highest; band >= 0; band--) {
+    float least = least_risen(args, have, live);
+    if (least >= (float)((band + 1) * BAND)) return visits;
+    for (int k = head[band]; k;) {
+      const int from = k - 1;
+      float most = levels[from];
+      k = next[from];
+      if (most <= least) continue;
+      int end = from + 1;
+      for (; k == end + 1 && levels[end] > least && end - from < merged; k = next[end++])
+        most = levels[end] > most ? levels[end] : most;
+      const vm chosen = m_and(live, v_lt(risen(args, have), v_set(most)));
+      if (!m_any(chosen)) continue; /* never; with the test, GCC 12 compiles a march that is up to 7 % faster on Zen 3 */
+      sample_interval(args, v, p, m, first + from * interval, (end - from) * interval, chosen, have, counts);
+      visits += end - from;
       if (counts->left) return visits;
+      least = least_risen(args, have, live);
     }
+  }
   return visits;
 }
 
