@@ -454,6 +454,43 @@ TEST(first_of_equals) {
   }
 }
 
+/* An even background with specks little above it, whose levels are in its band, and few bright ones, whose surroundings are
+ * sampled first. */
+static double specks(double x, double y, double z, const void *context) {
+  uint64_t seed = 1 + (uint64_t)(floor(x / 3) + 100 * floor(y / 3) + 10000 * floor(z / 3)) + 1000000 * *(const uint64_t *)context;
+  test_random(&seed); /* neighbouring seeds give similar first numbers */
+  const double kind = test_random(&seed), most = kind < 0.002 ? 100 : kind < 0.04 ? 9 : 0;
+  return 148 + most * test_random(&seed);
+}
+
+/* Intervals that rank alike are marched together: rays of one packet that have met specks of different values must still
+ * sample every interval that can raise their own maximum. */
+TEST(rays_of_a_packet_with_different_maxima) {
+  test_grid grid = {.dims = {24, 24, 200}, .type = TC_U8, .spacing = {1, 1, 1}, .slope = 1};
+  g_auto(tc_scene) s;
+  test_scene(&s, 40, 40);
+  s.mode = TC_MODE_MIP;
+  s.skipping.block = 4;
+  set_window(&s, 0, 255);
+  uint64_t leaps[4] = {0};
+  for (uint64_t n = 0; n < 8; n++) {
+    g_autoptr(tc_volume) v = test_volume(&grid, specks, &n);
+    test_scene_frame(&s, v, TC_ORTHOGRAPHIC, (double[3]){0.02 * (double)n, 0.01, -1});
+    s.camera.height_mm = 24;
+    EACH_RENDERER(i) {
+      g_autofree float *with = g_new(float, 4 * 40 * 40);
+      s.skipping.mode = TC_SKIPPING_AUTO;
+      const tc_frame *frame = render(i, v, &s, NULL);
+      leaps[i] += frame->stats.leaps;
+      memcpy(with, frame->linear, 16 * 40 * 40);
+      s.skipping.mode = TC_SKIPPING_OFF;
+      if (memcmp(with, render(i, v, &s, NULL)->linear, 16 * 40 * 40))
+        fail_msg("%s: volume %d differs with skipping", test_names[i], (int)n);
+    }
+  }
+  EACH_RENDERER(i) assert_true(leaps[i] > 0);
+}
+
 /* On volumes with much between which little is bright it pays: samples as they were measured, with a margin. */
 TEST(skipping_pays) {
   const char *data = getenv("TC_DATA");
